@@ -1,0 +1,37 @@
+"""The errors of the command line, each with the exit code that scripts see.
+
+    QinitError
+    |- UsageError   2  options that cannot be meant, a reference that leads nowhere
+    |- NotAllowed   4  the input does not allow it: wrong kind, too few sources, other targets
+    |- Interrupted  130 or 143  a signal; what was learned is kept
+
+The store has its own tree (store.errors) with codes of the same meaning; SomeTasksFailed is no error but an exit code (3).
+"""
+
+from __future__ import annotations
+
+
+class QinitError(Exception):
+    """What was asked, what there is, what to do: one sentence, and the exit code it leads to."""
+
+    exit_code = 1
+
+
+class UsageError(QinitError):
+    """The command line or the configuration cannot be meant so."""
+
+    exit_code = 2
+
+
+class NotAllowed(QinitError):
+    """The input is sound, but does not allow what was asked of it."""
+
+    exit_code = 4
+
+
+class Interrupted(QinitError):
+    """A signal came; the message says what is kept and how to go on."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code

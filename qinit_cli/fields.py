@@ -1,0 +1,75 @@
+"""Options as dataclass fields: a family or a method declares each of its options once, with its default, help and range.
+
+The command line reads them as options, `asdict` of the instance is what is stored, and construction checks the ranges, for
+those who build a family in Python as for those who type one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def option(
+    default: Any,
+    help: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    default_text: str | None = None,
+    metavar: str | None = None,
+    short: str | None = None,
+    panel: str | None = None,
+) -> Any:
+    """A dataclass field that is also a command-line option.
+
+    `low` and `high` bound a number (both included); `default_text` tells in the help where a default of None comes from;
+    `short` is a one-letter flag; `panel` the help group, if not that of the whole dataclass.
+    """
+    return dataclasses.field(
+        default=default,
+        metadata={
+            "help": help,
+            "low": low,
+            "high": high,
+            "default_text": default_text,
+            "metavar": metavar,
+            "short": short,
+            "panel": panel,
+        },
+    )
+
+
+def flag(name: str) -> str:
+    """How a field is spelled on the command line: `p_low` is `--p-low`."""
+    return "--" + name.replace("_", "-")
+
+
+def options(owner: type[DataclassInstance]) -> tuple[dataclasses.Field[Any], ...]:
+    """The fields of a dataclass that were declared by `option`."""
+    return tuple(field for field in dataclasses.fields(owner) if "help" in field.metadata)
+
+
+def check(instance: DataclassInstance) -> None:
+    """Raises ValueError, one sentence, for the first option that is out of its range, not finite or not among its choices."""
+    hints = get_type_hints(type(instance))
+    for field in options(type(instance)):
+        value = getattr(instance, field.name)
+        choices = get_args(hints[field.name]) if get_origin(hints[field.name]) is not None else ()
+        if all(isinstance(choice, str) for choice in choices) and choices and value not in choices:
+            raise ValueError(f"{flag(field.name)} is {value!r}; it is one of {', '.join(choices)}")
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            _check_number(field, value)
+
+
+def _check_number(field: dataclasses.Field[Any], value: float) -> None:
+    low, high = field.metadata["low"], field.metadata["high"]
+    if not math.isfinite(value):
+        raise ValueError(f"{flag(field.name)} is {value}; it must be a finite number")
+    if (low is not None and value < low) or (high is not None and value > high):
+        bounds = f"at least {low}" if high is None else f"at most {high}" if low is None else f"from {low} to {high}"
+        raise ValueError(f"{flag(field.name)} is {value}; it must be {bounds}")
