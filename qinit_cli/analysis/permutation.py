@@ -1,0 +1,39 @@
+"""Sign-flip permutation test of paired differences: if two methods were equal, every sign was a coin's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qinit_cli.analysis.arrays import Floats
+
+RESAMPLES = 10_000
+
+_VALUES_AT_ONCE = 1_000_000  # of one block of sign patterns: what bounds the memory
+_ROUNDING = 1e-12  # sums of the same numbers in another order count as equal
+
+
+def sign_flip_p(differences: Floats, rng: np.random.Generator, resamples: int = RESAMPLES) -> Floats:
+    """Two-sided p of a mean difference of 0, (M,), from `differences` (T, M) on the same targets.
+
+    All 2^T patterns where they are no more than `resamples`: then p is exact. Else that many random ones, and
+    the observed one counts among them (Phipson and Smyth, 2010), so that p is never 0.
+    """
+    targets = len(differences)
+    scale = np.abs(differences).sum(axis=0)
+    observed = np.abs(differences.sum(axis=0)) - _ROUNDING * scale
+    exact = 2**targets <= resamples
+    patterns = 2**targets if exact else resamples
+    extreme = np.zeros(differences.shape[1:])
+    block = max(1, _VALUES_AT_ONCE // targets)
+    for first in range(0, patterns, block):
+        size = min(block, patterns - first)
+        bits = (
+            _all_bits(first, size, targets) if exact else rng.integers(0, 2, (size, targets), dtype=np.int8)
+        )
+        extreme += np.count_nonzero(np.abs((2.0 * bits - 1.0) @ differences) >= observed, axis=0)
+    return extreme / patterns if exact else (extreme + 1) / (patterns + 1)
+
+
+def _all_bits(first: int, size: int, targets: int) -> Floats:
+    numbers = np.arange(first, first + size)[:, None]
+    return ((numbers >> np.arange(targets)) & 1).astype(np.float64)
