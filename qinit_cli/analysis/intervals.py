@@ -25,7 +25,7 @@ _VALUES_AT_ONCE = 1_000_000  # of one block of resamples: what bounds the memory
 
 @dataclass(frozen=True)
 class Interval:
-    """Estimates and their intervals, one per metric (M,); low and high are NaN where one unit is all there is."""
+    """Estimates and their intervals, one per metric (M,); low and high are NaN where there is one unit."""
 
     estimate: Floats
     low: Floats

@@ -18,7 +18,7 @@ def discounted_returns(steps: NDArray[np.integer], reached: Flags, gamma: float)
 
 def restricted_steps(steps: NDArray[np.integer], horizon: int) -> Floats:
     """min(steps, horizon), (T, E): an episode without the goal counts the steps it was allowed."""
-    return np.minimum(steps, horizon).astype(np.float64)
+    return np.asarray(np.minimum(steps, horizon), dtype=np.float64)
 
 
 def average(curves: Floats) -> Floats:
