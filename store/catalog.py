@@ -1,0 +1,149 @@
+"""A store is a directory of artefacts: their names, how they are referred to, and what there is.
+
+h5py is imported where files are read, so that names can be completed without it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from store.errors import Damaged, NotFound, Refused, StoreError
+from store.folder import read_record, tasks_saved
+from store.lock import being_held
+from store.spec import Spec, canonical_json, spec_sha256, without_tasks
+
+if TYPE_CHECKING:
+    from store.reading import Description
+
+FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs"}
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+SUFFIX = ".h5"
+
+
+@dataclass(frozen=True)
+class Store:
+    """The artefacts under `root`, in the folders sources, fits and runs."""
+
+    root: Path
+
+    def path_for(self, kind: str, stem: str, spec: Spec) -> Path:
+        """Where an artefact with this spec belongs: `<stem>-<first 8 digits of the spec's hash>.h5`."""
+        name = f"{stem}-{spec_sha256(spec)[:8]}{SUFFIX}"
+        return self.root / FOLDERS[kind] / _checked(name)
+
+    def resolve(self, reference: str) -> Path:
+        """The path of the artefact `reference`: a path, or a name in the store with or without `.h5`.
+
+        "fits/NAME" tells apart a name that stands in two folders. NotFound, with the nearest name; Refused
+        where the name is ambiguous or no name.
+        """
+        is_path = "/" in reference or reference.endswith(SUFFIX)
+        if is_path and Path(reference).exists():
+            return Path(reference)
+        folder, _, name = reference.rpartition("/")
+        if folder and folder not in FOLDERS.values():
+            raise NotFound(f"there is no {reference}; `qinit list` shows what there is")
+        found = [path for path in self._named(_checked(name)) if folder in ("", path.parent.name)]
+        if len(found) > 1:
+            both = " and ".join(f"{path.parent.name}/{path.stem}" for path in found)
+            raise Refused(f"{reference} is the name of {both}; write one of these")
+        if not found:
+            raise NotFound(f"there is no {reference} in {self.root}{self._nearest(name)}")
+        return found[0]
+
+    def names(self) -> list[str]:
+        """The names of the finished artefacts, without `.h5`, in order."""
+        return sorted(path.stem for path in self._paths())
+
+    def entries(self) -> Iterator[Description]:
+        """What there is, finished and not, in the order of folders and names; one that is damaged says so."""
+        for path in self._paths():
+            yield _description(path)
+        for folder in FOLDERS.values():
+            for work in sorted((self.root / folder).glob(f".*{SUFFIX}.work")):
+                if work.is_dir() and not work.is_symlink():
+                    yield _unfinished(work)
+
+    def relatives(self, kind: str, spec: Spec) -> list[Description]:
+        """The finished artefacts of `kind` with the same spec apart from "tasks", the largest first."""
+        wanted = canonical_json(without_tasks(spec))
+        found = [
+            entry
+            for entry in map(_description, sorted((self.root / FOLDERS[kind]).glob(f"[!.]*{SUFFIX}")))
+            if entry.state == "done"
+            and entry.kind == kind
+            and canonical_json(without_tasks(entry.spec)) == wanted
+        ]
+        return sorted(found, key=lambda entry: -entry.tasks)
+
+    def _paths(self) -> Iterator[Path]:
+        for folder in FOLDERS.values():
+            yield from sorted((self.root / folder).glob(f"[!.]*{SUFFIX}"))
+
+    def _named(self, name: str) -> list[Path]:
+        full = name if name.endswith(SUFFIX) else name + SUFFIX
+        paths = [self.root / folder / full for folder in FOLDERS.values()]
+        return [path for path in paths if path.exists()]
+
+    def _nearest(self, name: str) -> str:
+        near = difflib.get_close_matches(name.removesuffix(SUFFIX), self.names(), n=1)
+        return f"; did you mean {near[0]}?" if near else "; `qinit list` shows what there is"
+
+
+def _checked(name: str) -> str:
+    if not NAME.fullmatch(name):
+        raise Refused(
+            f"{name!r} is no name: letters, digits, '.', '_' and '-', at most 100, a letter or digit first"
+        )
+    return name
+
+
+def _description(path: Path) -> Description:
+    from store.reading import describe
+
+    try:
+        return describe(path)
+    except Damaged as damage:
+        return replace(_nothing_known(path), state="damaged", problem=str(damage))
+    except StoreError as trouble:
+        return replace(_nothing_known(path), state="unreadable", problem=str(trouble))
+
+
+def _unfinished(work: Path) -> Description:
+    """What a work folder is to become; `tasks` are those saved so far, by the names of its parts."""
+    target = work.with_name(work.name.removeprefix(".").removesuffix(".work"))
+    state = "being written" if being_held(work) else "unfinished"
+    entry = replace(_nothing_known(target), state=state, tasks=tasks_saved(work))
+    record = read_record(work)
+    if record is None:
+        return replace(entry, problem="its settings cannot be read")
+    return replace(
+        entry,
+        kind=record.kind,
+        spec=dict(record.spec),
+        spec_sha256=spec_sha256(record.spec),
+        provenance=record.provenance,
+    )
+
+
+def _nothing_known(path: Path) -> Description:
+    from store.reading import Description
+
+    kinds = {folder: kind for kind, folder in FOLDERS.items()}
+    return Description(
+        path=path,
+        kind=kinds.get(path.parent.name, ""),
+        spec={},
+        spec_sha256="",
+        content_sha256="",
+        provenance={},
+        inputs=(),
+        tasks=0,
+        schema_version=0,
+        size=path.stat().st_size if path.is_file() else 0,
+    )

@@ -1,0 +1,97 @@
+"""Every change the store makes on the disk, one method each, so that a test can break each of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from store.errors import SystemFailed
+
+T = TypeVar("T")
+
+
+class Disk:
+    """The operating system's file operations.
+
+    A missing or already existing file is reported as FileNotFoundError or FileExistsError, because the
+    protocol expects both; any other OSError becomes SystemFailed with the path. A test overrides `attempt`.
+    """
+
+    def attempt(self, operation: str, path: Path, call: Callable[[], T]) -> T:
+        """What `call` returns; every operation of this class passes through here."""
+        return call()
+
+    def make_directory(self, path: Path) -> None:
+        self._do("make the directory", path, lambda: os.mkdir(path))
+
+    def open_lock(self, path: Path) -> int:
+        """A descriptor of the lock file, made if need be; a symbolic link there is an error."""
+        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        return self._do("open the lock", path, lambda: os.open(path, flags, 0o666))
+
+    def create(self, path: Path) -> int:
+        """A descriptor of a new, empty file that did not exist."""
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        return self._do("create", path, lambda: os.open(path, flags, 0o666))
+
+    def reserve(self, descriptor: int, path: Path, size: int) -> None:
+        """Room for `size` bytes, so that a full disk is met before HDF5 writes rather than while it does."""
+        self._do("reserve room for", path, lambda: os.posix_fallocate(descriptor, 0, size))
+
+    def write(self, descriptor: int, path: Path, content: memoryview, offset: int) -> int:
+        """The number of bytes written, which may be fewer than there are."""
+        return self._do("write", path, lambda: os.pwrite(descriptor, content, offset))
+
+    def truncate(self, descriptor: int, path: Path, size: int) -> None:
+        self._do("cut to size", path, lambda: os.ftruncate(descriptor, size))
+
+    def sync(self, descriptor: int, path: Path) -> None:
+        self._do("flush to the disk", path, lambda: os.fsync(descriptor))
+
+    def close(self, descriptor: int, path: Path) -> None:
+        self._do("close", path, lambda: os.close(descriptor))
+
+    def sync_directory(self, path: Path) -> None:
+        """The entries of the directory are on the disk."""
+        self._do("flush the directory", path, lambda: _sync_directory(path))
+
+    def link(self, path: Path, name: Path) -> None:
+        """`path` under a second name, never replacing what is there."""
+        self._do("link", name, lambda: os.link(path, name))
+
+    def replace(self, path: Path, name: Path) -> None:
+        """`path` renamed to `name`, replacing what is there."""
+        self._do("rename to", name, lambda: os.replace(path, name))
+
+    def remove(self, path: Path) -> None:
+        self._do("remove", path, lambda: os.unlink(path))
+
+    def remove_directory(self, path: Path) -> None:
+        self._do("remove the directory", path, lambda: os.rmdir(path))
+
+    def _do(self, operation: str, path: Path, call: Callable[[], T]) -> T:
+        try:
+            return self.attempt(operation, path, call)
+        except (FileExistsError, FileNotFoundError):
+            raise
+        except OSError as problem:
+            reason = problem.strerror or type(problem).__name__
+            raise SystemFailed(f"cannot {operation} {path}: {reason}") from problem
+
+
+def write_all(disk: Disk, descriptor: int, path: Path, content: bytes | memoryview, offset: int = 0) -> None:
+    """Write every byte of `content`; the system may take fewer at a time."""
+    left = memoryview(content).cast("B")
+    while left:
+        written = disk.write(descriptor, path, left, offset)
+        left, offset = left[written:], offset + written
+
+
+def _sync_directory(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

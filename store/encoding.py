@@ -1,0 +1,176 @@
+"""How an artefact is laid out in HDF5. Knows nothing of files: it fills an open h5py.File.
+
+libver v110: with v108 the chunk index carries no checksum, and one flipped bit there changed thousands of
+values with fletcher32 silent. No variable-length types, but for the dimension scales' own attributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+from store.digest import content_sha256
+from store.schema import TASK, Array, Axis, Column, Schema
+from store.spec import Spec, canonical_json, spec_sha256
+
+SCHEMA_VERSION = 1
+MIN_READER = 1
+LIBVER = ("v110", "v110")
+
+CHUNK_BYTES = 256 * 1024
+LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES; readers refuse 64 MiB
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the root attributes say, but for the content hash."""
+
+    format: str  # "qinit/sources", or "qinit/part/sources" for a part file
+    spec: Spec
+    provenance: Mapping[str, Any]
+    inputs: tuple[Mapping[str, str], ...]  # role, name, content_sha256 of each
+
+
+def write(
+    file: h5py.File,
+    header: Header,
+    schema: Schema,
+    ids: Array,
+    digests: Array,
+    statics: Mapping[str, Array],
+    blocks: Iterable[tuple[int, Mapping[str, Array]]],
+) -> str:
+    """Fill `file`; the content hash in hexadecimal.
+
+    `ids` are ascending; `blocks` yield (first row, columns with a leading task axis), so that memory is
+    bounded by the block. A schema without task columns writes no task scale.
+    """
+    datasets = {axis.name: axis.values for axis in schema.axes} | dict(statics)
+    content = content_sha256(schema.kind, canonical_json(header.spec), ids, digests, datasets)
+    _write_header(file, header, content, ids.size)
+    task = Axis(TASK, ids, "1", "task id")
+    for axis in (*([task] if schema.task_columns else []), *schema.axes):
+        _write_scale(file, axis)
+    for column in schema.columns:
+        _create_column(file, schema, column, ids.size)
+    for column in schema.static_columns:
+        file[column.name][...] = statics[column.name]
+    for first, rows in blocks:
+        for name, values in rows.items():
+            file[name][first : first + len(values)] = values
+    return content
+
+
+def image(header: Header, schema: Schema, ids: Array, digests: Array, rows: Mapping[str, Array]) -> bytes:
+    """The bytes of a file that holds these tasks and no column without a task axis."""
+    with h5py.File("image", "w", driver="core", backing_store=False, libver=LIBVER) as file:
+        write(file, header, schema, ids, digests, {}, [(0, rows)])
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return content
+
+
+def checked(
+    schema: Schema, columns: Iterable[Column], values: Mapping[str, Any], tasks: int
+) -> dict[str, Array]:
+    """`values` in the columns' dtypes; ValueError where a name, a shape or a value does not fit."""
+    columns = [column for column in columns if column.given]
+    if values.keys() != {column.name for column in columns}:
+        there, wanted = sorted(values), sorted(column.name for column in columns)
+        raise ValueError(f"{schema.kind}: given {there}, wanted {wanted}")
+    return {
+        column.name: _fitted(schema, column, np.asarray(values[column.name]), tasks) for column in columns
+    }
+
+
+def text(value: str) -> Array:
+    """A fixed-length UTF-8 attribute."""
+    raw = value.encode()
+    return np.array(raw, dtype=h5py.string_dtype("utf-8", max(1, len(raw))))
+
+
+def _write_header(file: h5py.File, header: Header, content: str, tasks: int) -> None:
+    attributes = {
+        "qinit_format": header.format,
+        "spec_json": canonical_json(header.spec),
+        "spec_sha256": spec_sha256(header.spec),
+        "content_sha256": content,
+        "provenance_json": canonical_json(header.provenance),
+        "inputs_json": canonical_json(header.inputs),
+    }
+    for name, value in attributes.items():
+        file.attrs[name] = text(value)
+    for name, number in (
+        ("qinit_schema", SCHEMA_VERSION),
+        ("qinit_min_reader", MIN_READER),
+        ("tasks", tasks),
+    ):
+        file.attrs[name] = np.int64(number)
+
+
+def _write_scale(file: h5py.File, axis: Axis) -> None:
+    values = np.ascontiguousarray(axis.values, dtype=axis.values.dtype.newbyteorder("<"))
+    dataset = _create(file, axis.name, values.shape, values.dtype)
+    dataset[...] = values
+    dataset.make_scale(axis.name)
+    _describe(dataset, (axis.name,), axis.unit, axis.long_name)
+    if values.dtype.kind == "S":
+        dataset.attrs["_Encoding"] = text("utf-8")  # so that xarray shows text labels, not bytes
+
+
+def _create_column(file: h5py.File, schema: Schema, column: Column, tasks: int) -> None:
+    shape = (tasks, *schema.row_shape(column)) if column.per_task else schema.row_shape(column)
+    dataset = _create(file, column.name, shape, column.little_endian)
+    for position, name in enumerate(column.dims):
+        dataset.dims[position].attach_scale(file[name])
+    _describe(dataset, column.dims, column.unit, column.long_name)
+    if not column.hashed:
+        dataset.attrs["hashed"] = np.int64(0)
+
+
+def _create(file: h5py.File, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> h5py.Dataset:
+    if 0 in shape:
+        return file.create_dataset(name, shape, dtype)
+    return file.create_dataset(
+        name,
+        shape,
+        dtype,
+        chunks=_chunks(shape, dtype.itemsize),
+        shuffle=True,
+        compression="gzip",
+        compression_opts=1,
+        fletcher32=True,
+    )
+
+
+def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    row_bytes = itemsize * int(np.prod(shape[1:], dtype=np.int64))
+    chunks = [min(shape[0], max(1, CHUNK_BYTES // row_bytes)), *shape[1:]]
+    axis = 1
+    while itemsize * int(np.prod(chunks, dtype=np.int64)) > LARGEST_CHUNK_BYTES:
+        if chunks[axis] == 1:
+            axis += 1
+        chunks[axis] = (chunks[axis] + 1) // 2
+    return tuple(chunks)
+
+
+def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], unit: str, long_name: str) -> None:
+    dataset.attrs["dims"] = text(" ".join(dims))  # what readers go by: they dereference nothing
+    if unit:
+        dataset.attrs["units"] = text(unit)
+    if long_name:
+        dataset.attrs["long_name"] = text(long_name)
+
+
+def _fitted(schema: Schema, column: Column, values: Array, tasks: int) -> Array:
+    shape = (tasks, *schema.row_shape(column)) if column.per_task else schema.row_shape(column)
+    if values.shape != shape:
+        raise ValueError(f"{schema.kind}: {column.name} has shape {values.shape}, wanted {shape}")
+    fitted = np.ascontiguousarray(values.astype(column.little_endian, casting="same_kind"))
+    if fitted.dtype.kind in "iu" and not np.array_equal(fitted, values):
+        raise ValueError(f"{schema.kind}: {column.name} has values that {column.dtype} cannot hold")
+    return fitted

@@ -1,0 +1,42 @@
+"""What can go wrong in the store; each class carries the exit code a command should end with.
+
+Every message says what was asked, what there is and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class StoreError(Exception):
+    """Any refusal or failure of the store."""
+
+    exit_code = 1
+
+
+class NotFound(StoreError):
+    """There is no such artefact."""
+
+    exit_code = 2
+
+
+class Refused(StoreError):
+    """What is there does not allow it: other settings under that name, the wrong kind, too many tasks."""
+
+    exit_code = 4
+
+
+class Busy(StoreError):
+    """Another process is writing this artefact."""
+
+    exit_code = 5
+
+
+class Damaged(StoreError):
+    """The file is damaged, not one of ours, or newer than this reader."""
+
+    exit_code = 6
+
+
+class SystemFailed(StoreError):
+    """The operating system refused: disk full, no permission, input/output error."""
+
+    exit_code = 7

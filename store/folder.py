@@ -1,0 +1,118 @@
+"""The work folder beside an unfinished artefact: its settings, its part files, and taking it away again."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from store.disk import Disk
+from store.errors import SystemFailed
+from store.lock import LOCK
+from store.publish import place
+from store.spec import Spec, canonical_json
+
+RECORD = "spec.json"
+WHOLE = "whole.tmp"
+PART = re.compile(r"part-(\d{12})-(\d+)-[0-9a-f]{16}\.h5")
+
+
+@dataclass(frozen=True)
+class Record:
+    """What an unfinished artefact is to become."""
+
+    kind: str
+    spec: Spec
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def command(self) -> str:
+        """The command that began it, for messages; a stand-in where nothing is known."""
+        return str(self.provenance.get("command") or "the command that began it")
+
+
+def work_folder(target: Path) -> Path:
+    """`.NAME.h5.work` beside `target`."""
+    return target.with_name(f".{target.name}.work")
+
+
+def read_record(folder: Path) -> Record | None:
+    """The settings kept in `folder`; None where there are none, or none that can be read."""
+    try:
+        kept = json.loads((folder / RECORD).read_text("ascii"))
+        return Record(kept["kind"], dict(kept["spec"]), dict(kept["provenance"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # every part carries its own settings, so nothing depends on this file
+
+
+def write_record(folder: Path, record: Record, disk: Disk) -> None:
+    kept = {"kind": record.kind, "spec": record.spec, "provenance": record.provenance}
+    place(disk, folder / RECORD, canonical_json(kept).encode("ascii"))
+
+
+def part_name(first: int, count: int, sha256: str) -> str:
+    return f"part-{first:012d}-{count}-{sha256[:16]}.h5"
+
+
+def part_paths(folder: Path) -> list[Path]:
+    """The part files of `folder` in the order of their names."""
+    return [folder / name for name in _names(folder) if PART.fullmatch(name)]
+
+
+def tasks_saved(folder: Path) -> int:
+    """The number of tasks in the part files, by their names alone."""
+    return sum(int(match[2]) for name in _names(folder) if (match := PART.fullmatch(name)))
+
+
+def set_bad_aside(path: Path, disk: Disk) -> None:
+    """Rename a part file that does not hold to `*.bad`, beside any earlier one."""
+    number = 1
+    while os.path.lexists(path.with_name(f"{path.name}.{number}.bad")):
+        number += 1
+    disk.replace(path, path.with_name(f"{path.name}.{number}.bad"))
+    disk.sync_directory(path.parent)
+
+
+def remove_temporaries(folder: Path, disk: Disk) -> None:
+    for name in _names(folder):
+        if name.endswith(".tmp"):
+            disk.remove(folder / name)
+
+
+def remove_parts(folder: Path, disk: Disk) -> None:
+    """Forget everything saved here; the settings go last, and the lock stays."""
+    names = [name for name in _names(folder) if name.endswith((".tmp", ".bad")) or PART.fullmatch(name)]
+    for name in names:
+        disk.remove(folder / name)
+    if os.path.lexists(folder / RECORD):
+        disk.remove(folder / RECORD)
+
+
+def remove_folder(folder: Path, disk: Disk) -> None:
+    """Take the folder away, the lock last; one that holds files not ours is left with them."""
+    remove_parts(folder, disk)
+    foreign = [name for name in _names(folder) if name != LOCK]
+    with suppress(FileNotFoundError):
+        disk.remove(folder / LOCK)
+    if not foreign:
+        _remove_directory(folder, disk)
+
+
+def _remove_directory(folder: Path, disk: Disk) -> None:
+    try:
+        disk.remove_directory(folder)
+    except (FileNotFoundError, FileExistsError):
+        return
+    except SystemFailed as failure:
+        # The next writer may have moved in as soon as the lock was gone.
+        if not isinstance(failure.__cause__, OSError) or failure.__cause__.errno != errno.ENOTEMPTY:
+            raise
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(os.listdir(folder)) if folder.is_dir() else []

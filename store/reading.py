@@ -1,0 +1,293 @@
+"""Reading artefacts: what is yielded has been verified against the digests stored with it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+
+from store.digest import content_sha256, task_digests
+from store.encoding import MIN_READER, SCHEMA_VERSION
+from store.errors import Damaged, NotFound, Refused, StoreError, SystemFailed
+from store.schema import TASK, TASK_DIGEST, Array, Axis, Column, Schema
+from store.spec import canonical_json, spec_sha256
+
+KINDS = ("sources", "fit", "run")
+
+# What h5py raises on a file that is not as it should be.
+HDF5_TROUBLE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, EOFError)
+
+
+@dataclass(frozen=True)
+class Description:
+    """The root attributes of an artefact, not verified against its content; or of an unfinished one."""
+
+    path: Path
+    kind: str
+    spec: dict[str, Any]
+    spec_sha256: str
+    content_sha256: str
+    provenance: dict[str, Any]
+    inputs: tuple[dict[str, str], ...]
+    tasks: int
+    schema_version: int
+    size: int  # bytes
+    state: str = "done"  # or "unfinished", "being written", "damaged"
+    problem: str = ""  # why it is damaged
+
+
+class Artefact:
+    """An open artefact whose content hash holds; task rows are verified as they are read."""
+
+    def __init__(self, file: h5py.File, description: Description, format: str) -> None:
+        self._file = file
+        self._description = description
+        self.path = description.path
+        self.kind = description.kind
+        self.spec = description.spec
+        self.spec_sha256 = description.spec_sha256
+        self.content_sha256 = description.content_sha256
+        self.provenance = description.provenance
+        self.inputs = description.inputs
+        self.schema_version = description.schema_version
+        self.format = format
+        with _trouble_is_damage(self.path):
+            self.schema, self.tasks, self._digests, self._statics = _contents(file, description.kind)
+        self._verify_content()
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """Every axis by name, `task` among them where there are tasks."""
+        axes = {axis.name: axis for axis in self.schema.axes}
+        return (
+            axes if not self.schema.task_columns else {TASK: Axis(TASK, self.tasks, "1", "task id"), **axes}
+        )
+
+    @property
+    def task_count(self) -> int:
+        return self.tasks.size
+
+    @property
+    def digests(self) -> Array:
+        """(tasks, 32) u1: the stored digest of every task."""
+        return self._digests.copy()
+
+    def read(self, name: str) -> Array:
+        """The whole dataset `name`, verified."""
+        if name in self._statics:
+            return self._statics[name].copy()
+        if name == TASK:
+            return self.tasks.copy()
+        column = self._column(name)
+        whole = np.empty((self.task_count, *self.schema.row_shape(column)), dtype=column.little_endian)
+        first = 0
+        for block in self.blocks((name,), self.schema.block_size):
+            whole[first : first + len(block[name])] = block[name]
+            first += len(block[name])
+        return whole
+
+    def blocks(self, names: Iterable[str], size: int) -> Iterator[dict[str, Array]]:
+        """The columns `names`, and `task`, of `size` tasks at a time, in the order of ids, verified."""
+        columns = [self._column(name) for name in names]
+        for first in range(0, self.task_count, size):
+            rows = self.rows(first, min(first + size, self.task_count))
+            yield {TASK: rows[TASK]} | {column.name: rows[column.name] for column in columns}
+
+    def rows(self, first: int, stop: int) -> dict[str, Array]:
+        """Every task column, and `task`, of the rows from `first` up to `stop`, verified."""
+        with _trouble_is_damage(self.path):
+            rows = self._unverified(first, stop)
+        wrong = self._wrong(first, rows)
+        if wrong.size:
+            some = ", ".join(map(str, wrong[:5])) + (", ..." if wrong.size > 5 else "")
+            raise Damaged(
+                f"{self.path} is damaged: the digest of task {some} does not hold; see {_verify(self.path)}"
+            )
+        return rows
+
+    def check_tasks(self) -> None:
+        """Read every task; Damaged where a digest does not hold."""
+        for first in range(0, self.task_count, self.schema.block_size):
+            self.rows(first, min(first + self.schema.block_size, self.task_count))
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _unverified(self, first: int, stop: int) -> dict[str, Array]:
+        rows = {column.name: self._file[column.name][first:stop] for column in self.schema.task_columns}
+        return {TASK: self.tasks[first:stop].copy(), **rows}
+
+    def _wrong(self, first: int, rows: dict[str, Array]) -> Array:
+        stored = self._digests[first : first + rows[TASK].size]
+        found = task_digests(self.schema.task_columns, rows[TASK], rows)
+        wrong: Array = rows[TASK][(found != stored).any(axis=1)]
+        return wrong
+
+    def _column(self, name: str) -> Column:
+        for column in self.schema.task_columns:
+            if column.name == name:
+                return column
+        there = ", ".join(sorted(column.name for column in self.schema.columns))
+        raise Refused(f"{self.path} has no {name} for each task; it has {there}")
+
+    def _verify_content(self) -> None:
+        spec_json = canonical_json(self.spec)
+        found = content_sha256(self.kind, spec_json, self.tasks, self._digests, self._statics)
+        if found != self.content_sha256 or spec_sha256(self.spec) != self.spec_sha256:
+            raise Damaged(f"{self.path} is damaged: its content hash does not hold; see {_verify(self.path)}")
+        if self.task_count != self._description.tasks:
+            raise Damaged(f"{self.path} is damaged: {self.task_count} tasks, not {self._description.tasks}")
+
+
+def open_artefact(path: Path, kind: str | None = None) -> Artefact:
+    """The artefact at `path`, its content hash verified.
+
+    NotFound, Refused where it is of another kind than `kind`, Damaged where it is not as it was written.
+    """
+    formats = (f"qinit/{kind}",) if kind else tuple(f"qinit/{one}" for one in KINDS)
+    return _open(path, formats)
+
+
+def open_part(path: Path, kind: str) -> Artefact:
+    """A part file of a work folder, verified like an artefact."""
+    return _open(path, (f"qinit/part/{kind}",))
+
+
+def describe(path: Path) -> Description:
+    """The root attributes of the artefact at `path`; nothing else is read."""
+    file, size = _opened(path)
+    with file:
+        return _described(path, file, size)[0]
+
+
+def _open(path: Path, formats: tuple[str, ...]) -> Artefact:
+    file, size = _opened(path)
+    try:
+        description, format = _described(path, file, size)
+        if format not in formats:
+            wanted = " or ".join(one.removeprefix("qinit/") for one in formats)
+            raise Refused(f"{path} holds a {format.removeprefix('qinit/')}; wanted {wanted}")
+        return Artefact(file, description, format)
+    except BaseException:
+        file.close()
+        raise
+
+
+def _opened(path: Path) -> tuple[h5py.File, int]:
+    try:
+        status = os.stat(path)
+        os.close(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))
+    except (FileNotFoundError, NotADirectoryError):
+        raise NotFound(f"there is no {path}; `qinit list` shows what there is") from None
+    except OSError as problem:
+        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
+    if not stat.S_ISREG(status.st_mode):
+        raise Damaged(f"{path} is no regular file")
+    with _trouble_is_damage(path):
+        return h5py.File(path, "r", locking=False), status.st_size
+
+
+def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str]:
+    with _trouble_is_damage(path):
+        format = _text(file.attrs, "qinit_format")
+        known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
+        if known is None:
+            raise Damaged(f"{path} is no qinit artefact: its format is {format!r}")
+        if int(file.attrs["qinit_min_reader"]) > SCHEMA_VERSION:
+            raise Damaged(
+                f"{path} was written by a newer qinit: it needs a reader of schema"
+                f" {int(file.attrs['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
+                " `pip install --upgrade qinit`"
+            )
+        description = Description(
+            path=path,
+            kind=known[1],
+            spec=json.loads(_text(file.attrs, "spec_json")),
+            spec_sha256=_text(file.attrs, "spec_sha256"),
+            content_sha256=_text(file.attrs, "content_sha256"),
+            provenance=json.loads(_text(file.attrs, "provenance_json")),
+            inputs=tuple(json.loads(_text(file.attrs, "inputs_json"))),
+            tasks=int(file.attrs["tasks"]),
+            schema_version=int(file.attrs["qinit_schema"]),
+            size=size,
+        )
+    return description, format
+
+
+def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[str, Array]]:
+    """Schema, task ids, task digests and every dataset without a task axis."""
+    dims = {name: tuple(_text(file[name].attrs, "dims").split(" ")) for name in sorted(file)}
+    axes = tuple(_axis(file[name]) for name in dims if dims[name] == (name,) and name != TASK)
+    names = [name for name in dims if name not in {TASK, *(axis.name for axis in axes)}]
+    schema = Schema(kind, axes, tuple(_read_column(file[name], dims[name]) for name in names))
+    for column in schema.static_columns:
+        if file[column.name].shape != schema.row_shape(column):
+            raise ValueError(f"{column.name} does not fit its axes")
+    statics = {axis.name: axis.values for axis in axes}
+    statics |= {column.name: file[column.name][...] for column in schema.static_columns}
+    if not schema.task_columns:
+        return schema, np.empty(0, dtype=np.int64), np.empty((0, 32), dtype=np.uint8), statics
+    ids = file[TASK][...]
+    for column in schema.task_columns:
+        if file[column.name].shape != (ids.size, *schema.row_shape(column)):
+            raise ValueError(f"{column.name} does not fit its axes")
+    return schema, ids, file[TASK_DIGEST][...], statics
+
+
+def _axis(dataset: h5py.Dataset) -> Axis:
+    unit, long_name = _optional_text(dataset.attrs, "units"), _optional_text(dataset.attrs, "long_name")
+    return Axis(dataset.name.removeprefix("/"), dataset[...], unit, long_name)
+
+
+def _read_column(dataset: h5py.Dataset, dims: tuple[str, ...]) -> Column:
+    return Column(
+        dataset.name.removeprefix("/"),
+        dims,
+        dataset.dtype.str,
+        _optional_text(dataset.attrs, "units"),
+        _optional_text(dataset.attrs, "long_name"),
+        hashed="hashed" not in dataset.attrs,
+    )
+
+
+def _text(attributes: h5py.AttributeManager, name: str) -> str:
+    value = attributes[name]
+    if not isinstance(value, bytes):
+        raise ValueError(f"{name} is no fixed-length text")
+    return value.decode()
+
+
+def _optional_text(attributes: h5py.AttributeManager, name: str) -> str:
+    return _text(attributes, name) if name in attributes else ""
+
+
+@contextmanager
+def _trouble_is_damage(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except StoreError:
+        raise
+    except HDF5_TROUBLE as problem:
+        raise Damaged(f"{path} is damaged: {problem}; see {_verify(path)}") from problem
+
+
+def _verify(path: Path) -> str:
+    return f"`qinit verify {path}`"

@@ -1,0 +1,245 @@
+"""What each kind of artefact holds: axes, columns, their dtypes and dimensions."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+TASK = "task"
+TASK_DIGEST = "task_digest"
+DIGEST_BYTES = 32
+BLOCK_BYTES = 8 * 1024 * 1024
+NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A named dimension and its scale."""
+
+    name: str
+    values: Array  # (length,) integers, floats or fixed-length bytes
+    unit: str = ""
+    long_name: str = ""
+
+    def __post_init__(self) -> None:
+        _check_name(self.name)
+        if self.values.ndim != 1 or self.values.dtype.kind not in "iufS":
+            raise ValueError(f"axis {self.name}: the scale must be one row of numbers or fixed-length bytes")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A dataset: its dimensions by name, its dtype, and whether the digests cover it."""
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    unit: str = "1"
+    long_name: str = ""
+    hashed: bool = True
+
+    def __post_init__(self) -> None:
+        _check_name(self.name)
+        if TASK in self.dims[1:] or len(set(self.dims)) != len(self.dims) or not self.dims:
+            raise ValueError(
+                f"column {self.name}: {self.dims} must be distinct axes, {TASK} the first if at all"
+            )
+
+    @property
+    def per_task(self) -> bool:
+        return self.dims[0] == TASK
+
+    @property
+    def given(self) -> bool:
+        """Whether the caller supplies it; the digests are ours to make."""
+        return self.name != TASK_DIGEST
+
+    @property
+    def little_endian(self) -> np.dtype[Any]:
+        return np.dtype(self.dtype).newbyteorder("<")
+
+
+@dataclass(frozen=True, eq=False)
+class Schema:
+    """The axes, all but `task`, and the columns of one kind of artefact."""
+
+    kind: str
+    axes: tuple[Axis, ...]
+    columns: tuple[Column, ...]
+
+    def __post_init__(self) -> None:
+        names = [TASK, *(axis.name for axis in self.axes), *(column.name for column in self.columns)]
+        if len(set(names)) != len(names):
+            raise ValueError(f"{self.kind}: a name stands for two things among {sorted(names)}")
+        for column in self.columns:
+            unknown = set(column.dims) - {TASK, *self.sizes}
+            if unknown:
+                raise ValueError(f"column {column.name}: no axis {', '.join(sorted(unknown))}")
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The length of every axis but `task`."""
+        return {axis.name: axis.values.size for axis in self.axes}
+
+    @property
+    def task_columns(self) -> tuple[Column, ...]:
+        return tuple(column for column in self.columns if column.per_task)
+
+    @property
+    def static_columns(self) -> tuple[Column, ...]:
+        return tuple(column for column in self.columns if not column.per_task)
+
+    def row_shape(self, column: Column) -> tuple[int, ...]:
+        """The shape of `column` without its task axis."""
+        return tuple(self.sizes[name] for name in column.dims if name != TASK)
+
+    @property
+    def task_bytes(self) -> int:
+        """The bytes of one task over all its columns, at least 1."""
+        sizes = (
+            int(np.prod(self.row_shape(column), dtype=np.int64)) * column.little_endian.itemsize
+            for column in self.task_columns
+        )
+        return max(1, sum(sizes))
+
+    @property
+    def block_size(self) -> int:
+        """The number of tasks read or written at a time: about 8 MiB of them."""
+        return max(1, BLOCK_BYTES // self.task_bytes)
+
+
+def sources_schema(
+    state_axes: tuple[Axis, ...], action: Axis, parameters: tuple[Column, ...], bins: int
+) -> Schema:
+    """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
+    state_action = (*(axis.name for axis in state_axes), action.name)
+    tables = (
+        Column("q", (TASK, *state_action), "f8", long_name="action values"),
+        Column(
+            "td_var", (TASK, *state_action), "f8", long_name="mean squared TD error of the task's own table"
+        ),
+        Column(
+            "eopl", (TASK, *state_action), "i4", "step", "expected optimal path length, -1: never arrives"
+        ),
+        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair"),
+    )
+    curve = (
+        Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes"),
+        Column("curve_reached", (TASK, "bin"), "f4", long_name="share of episodes that reach the goal"),
+    )
+    totals = (
+        Column("solved", (TASK,), "u1", long_name="greedy policy reaches the goal from the target start"),
+        Column("steps", (TASK,), "i8", "step", "environment steps simulated"),
+        *_keeping(),
+    )
+    axes = (*state_axes, action, *([_index("bin", bins)] if bins else []), _digest_axis())
+    return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
+
+
+def fit_schema(state_axes: tuple[Axis, ...], action: Axis, library: int) -> Schema:
+    """What a fit holds of its sources, with the tables of the first `library` of them."""
+    state = tuple(axis.name for axis in state_axes)
+    state_action = (*state, action.name)
+    moments = (
+        Column("mu", state_action, "f8", long_name="mean of ln Q"),
+        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q"),
+        Column("lognormal_median", state_action, "f8", long_name="median of the fitted log-normal"),
+        Column("lognormal_mean", state_action, "f8", long_name="mean of the fitted log-normal"),
+        Column("mean", state_action, "f8", long_name="mean of Q"),
+        Column("std", state_action, "f8", long_name="standard deviation of Q"),
+        Column("min", state_action, "f8", long_name="least Q"),
+        Column("max", state_action, "f8", long_name="largest Q"),
+        Column("eopl_mean", state_action, "f8", "step", "mean of the expected optimal path lengths"),
+        Column("eopl_std", state_action, "f8", "step", "their standard deviation"),
+    )
+    counts = (
+        Column("n", state_action, "i4", long_name="sources with Q > 0"),
+        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive"),
+        Column("eopl_n", state_action, "i4", long_name="sources whose path arrives"),
+        Column("flags", state_action, "u1", long_name="how the pair was treated"),
+    )
+    tables = (
+        Column("value_mean", state, "f8", long_name="mean over sources of the largest action value"),
+        Column("library_q", ("library", *state_action), "f8", long_name="action values of a source"),
+        Column("library_td_var", ("library", *state_action), "f8", long_name="its mean squared TD error"),
+        Column("library_task", ("library",), "i8", long_name="task id of the source"),
+    )
+    axes = (*state_axes, action, _index("library", library))
+    return Schema("fit", axes, (*moments, *counts, *tables))
+
+
+def run_schema(
+    state_axes: tuple[Axis, ...],
+    action: Axis,
+    parameters: tuple[Column, ...],
+    episodes: int,
+    *,
+    start_per_task: bool,
+    potential_per_task: bool,
+    exact_values: bool,
+    evaluations: int,
+    keep_q: bool,
+) -> Schema:
+    """What target tasks leave behind; start and potential have a task axis where they depend on it."""
+    state = tuple(axis.name for axis in state_axes)
+    state_action = (*state, action.name)
+    columns = [
+        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode"),
+        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal"),
+        Column("start", _led(start_per_task, state_action), "f8", long_name="initial action values"),
+        Column("potential", _led(potential_per_task, state), "f8", long_name="shaping potential"),
+        *parameters,
+        *_keeping(),
+    ]
+    if exact_values:
+        columns += [
+            Column("v_star", (TASK,), "f8", long_name="optimal value of the start"),
+            Column(
+                "v_eps", (TASK,), "f8", long_name="value of the start under epsilon-greedy on the optimum"
+            ),
+        ]
+    if evaluations:
+        columns += [
+            Column(
+                "eval_return", (TASK, "evaluation"), "f8", long_name="discounted return of the greedy policy"
+            ),
+            Column("eval_reached", (TASK, "evaluation"), "f8", long_name="share of evaluations that arrive"),
+        ]
+    if keep_q:
+        columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))
+    indices = [_index("episode", episodes), *([_index("evaluation", evaluations)] if evaluations else [])]
+    return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
+
+
+def _keeping() -> tuple[Column, ...]:
+    return (
+        Column(
+            "seconds", (TASK,), "f8", "s", "time inside the kernel, a fair share of its batch", hashed=False
+        ),
+        Column(
+            TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
+        ),
+    )
+
+
+def _led(per_task: bool, dims: tuple[str, ...]) -> tuple[str, ...]:
+    return (TASK, *dims) if per_task else dims
+
+
+def _index(name: str, length: int) -> Axis:
+    return Axis(name, np.arange(length, dtype=np.int64), "1", f"index of the {name}")
+
+
+def _digest_axis() -> Axis:
+    return Axis("byte", np.arange(DIGEST_BYTES, dtype=np.int64), "1", "index into a digest")
+
+
+def _check_name(name: str) -> None:
+    if not NAME.fullmatch(name):
+        raise ValueError(f"{name!r} is no name for an axis or column: small letters, digits and _")

@@ -1,0 +1,433 @@
+"""Making an artefact: saved part by part as it is learned, then there under its name in one step."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from store import encoding, folder, publish
+from store.digest import task_digests
+from store.disk import Disk
+from store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
+from store.lock import held
+from store.reading import Artefact, open_artefact, open_part
+from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema
+from store.spec import Spec, canonical_json, difference, without_tasks
+
+DISK = Disk()
+NO_TASKS: Array = np.empty(0, dtype=np.int64)
+ROOM_BEYOND_PARTS = 1024 * 1024  # indices, attributes and rounding in the final file
+
+
+@contextmanager
+def open_work(
+    target: Path,
+    schema: Schema,
+    spec: Spec,
+    *,
+    force: bool = False,
+    wait: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+    disk: Disk = DISK,
+) -> Iterator[Work]:
+    """The work on `target`, locked against other processes until the block is left.
+
+    `spec["tasks"]`, where there is one, is a number n that stands for the ids 0 to n-1. `provenance` (its
+    "command" above all) is kept beside the parts, so that an unfinished artefact can say how to go on.
+
+    Refused where there are other settings under that name or more tasks than asked for, unless `force`; Busy
+    where another process writes it, unless `wait`; Damaged where what stands there cannot be trusted, unless
+    `force`.
+    """
+    work = Work(target, schema, spec, dict(provenance or {}), force=force, disk=disk)
+    if work.look():
+        work.sweep()
+        yield work
+        return
+    _make_parents(target.parent, disk)
+    with held(work.folder, disk, wait=wait):
+        if not work.look():
+            work.take_up()
+        try:
+            yield work
+        finally:
+            work.leave()
+
+
+class Work:
+    """An artefact in the making. Made by `open_work`."""
+
+    def __init__(
+        self, target: Path, schema: Schema, spec: Spec, provenance: dict[str, Any], *, force: bool, disk: Disk
+    ) -> None:
+        canonical_json(spec)
+        self.target = target
+        self.folder = folder.work_folder(target)
+        self.complete = False
+        self.set_aside = 0
+        self._schema = schema
+        self._record = folder.Record(schema.kind, dict(spec), provenance)
+        self._force = force
+        self._disk = disk
+        self._places: dict[int, tuple[Path, int]] = {}  # task id: part file, row
+        self._digests: dict[int, bytes] = {}
+        self._replaces = force
+        self._published = False
+        self._failure: SystemFailed | None = None
+
+    @property
+    def saved(self) -> Array:
+        """The ids of the tasks that need not be learned again, ascending."""
+        return np.array(sorted(self._digests), dtype=np.int64)
+
+    @property
+    def asked(self) -> int:
+        """The number of tasks the spec asks for; 0 where it has none."""
+        return int(self._record.spec.get("tasks", 0))
+
+    def look(self) -> bool:
+        """Whether the target stands there complete. Refused or Damaged where it stands in the way."""
+        _refuse_odd(self.target)
+        if self._force or not self.target.exists():
+            return False
+        with self._standing() as artefact:
+            self._compare(artefact)
+            self.complete = artefact.task_count >= self.asked
+            if self.complete:
+                self._digests = _by_id(artefact)
+        return self.complete
+
+    def take_up(self) -> None:
+        """Load what earlier runs saved; the folder is locked."""
+        folder.remove_temporaries(self.folder, self._disk)
+        if self._force:
+            self._discard_other_work()
+        self._refuse_other_work()
+        self._load_parts()
+        # A part may have been renamed by a process that died before it flushed the directory.
+        self._disk.sync_directory(self.folder)
+        folder.write_record(self.folder, self._record, self._disk)
+        if not self._force and self.target.exists():
+            with self._standing() as artefact:
+                self.adopt(artefact)
+            self._replaces = True
+
+    def save(self, rows: Mapping[str, Any], tasks: Any) -> None:
+        """Bring the tasks with ids `tasks` durably into one part file; nothing is counted before it is.
+
+        `rows` holds every column with a task axis but the digests. SystemFailed leaves everything saved
+        before.
+        """
+        ids = _checked_ids(tasks)
+        known = sorted(self._digests.keys() & set(ids.tolist()))
+        if known:
+            raise ValueError(f"tasks {known[:5]} are saved already")
+        columns = encoding.checked(self._schema, self._schema.task_columns, rows, ids.size)
+        order = np.argsort(ids, kind="stable")
+        self._save({name: values[order] for name, values in columns.items()}, ids[order])
+
+    def adopt(self, artefact: Artefact) -> None:
+        """Take over the tasks of an artefact with the same spec apart from "tasks"; Refused otherwise."""
+        self._compare(artefact, enough=False)
+        given = [column.name for column in self._schema.task_columns if column.given]
+        for block in artefact.blocks(given, artefact.schema.block_size):
+            new = np.array([self._wants(number) for number in block[TASK].tolist()], dtype=bool)
+            if new.any():
+                self.save({name: block[name][new] for name in given}, block[TASK][new])
+
+    def finish(
+        self,
+        tasks: Any = None,
+        statics: Mapping[str, Any] | None = None,
+        provenance: Mapping[str, Any] | None = None,
+        inputs: Sequence[Mapping[str, str]] = (),
+    ) -> Path:
+        """Publish the tasks with ids `tasks`, all of them saved, and the `statics`; the artefact's path.
+
+        The work folder goes. Memory is bounded by a block of tasks.
+        """
+        ids = np.sort(_checked_ids(NO_TASKS if tasks is None else tasks))
+        self._refuse_beyond(set(ids.tolist()))
+        missing = set(ids.tolist()) - self._digests.keys()
+        if missing:
+            raise ValueError(f"tasks {sorted(missing)[:5]} are not saved")
+        values = encoding.checked(self._schema, self._schema.static_columns, statics or {}, 0)
+        header = self._header(f"qinit/{self._schema.kind}", self._record.spec, provenance or {}, inputs)
+        whole = self.folder / folder.WHOLE
+        with self._keeping():
+            content = self._build(whole, header, ids, values)
+            self._check(whole, content)
+            publish.reveal(self._disk, whole, self.target, replace=self._replaces)
+            self.complete = self._published = True
+            folder.remove_folder(self.folder, self._disk)
+        return self.target
+
+    def leave(self) -> None:
+        """Take the work folder away where it holds nothing that would be missed; it is locked."""
+        if self._published or not self.folder.is_dir():
+            return
+        parts = folder.part_paths(self.folder)
+        missed = any(self._holds_more(path) for path in parts) if self.complete else parts or self.set_aside
+        if not missed:
+            folder.remove_folder(self.folder, self._disk)
+
+    def sweep(self) -> None:
+        """Take away the folder that a process left which died between publishing and cleaning up."""
+        if not self.folder.is_dir():
+            return
+        try:
+            with held(self.folder, self._disk, wait=False):
+                self.leave()
+        except (Busy, Refused, SystemFailed):
+            return  # the artefact is there and whole, which is all that was asked
+
+    def _save(self, columns: dict[str, Array], ids: Array) -> None:
+        digests = task_digests(self._schema.task_columns, ids, columns)
+        rows = {**columns, TASK_DIGEST: digests}
+        header = self._header(f"qinit/part/{self._schema.kind}", self._part_spec, {}, ())
+        image = encoding.image(header, self._part_schema, ids, digests, rows)
+        path = self.folder / folder.part_name(int(ids[0]), ids.size, digests[0].tobytes().hex())
+        with self._keeping():
+            publish.place(self._disk, path, image)
+        self._count(path, ids, digests)
+
+    def _count(self, path: Path, ids: Array, digests: Array) -> None:
+        for row, number in enumerate(ids.tolist()):
+            self._places[number] = (path, row)
+            self._digests[number] = digests[row].tobytes()
+
+    @property
+    def _part_spec(self) -> dict[str, Any]:
+        return without_tasks(self._record.spec)
+
+    @property
+    def _part_schema(self) -> Schema:
+        """The schema of the part files: what has a task axis, and its axes."""
+        used = {name for column in self._schema.task_columns for name in column.dims}
+        axes = tuple(axis for axis in self._schema.axes if axis.name in used)
+        return Schema(self._schema.kind, axes, self._schema.task_columns)
+
+    def _header(
+        self, format: str, spec: Spec, provenance: Mapping[str, Any], inputs: Iterable[Mapping[str, str]]
+    ) -> encoding.Header:
+        return encoding.Header(format, spec, provenance, tuple(inputs))
+
+    def _standing(self) -> Artefact:
+        try:
+            return open_artefact(self.target, self._schema.kind)
+        except Damaged as damage:
+            raise Damaged(f"{damage}, or learn it again with --force") from damage
+
+    def _compare(self, artefact: Artefact, *, enough: bool = True) -> None:
+        """Refused where `artefact` has other settings than this work or, with `enough`, more tasks."""
+        other = difference(self._part_spec, without_tasks(artefact.spec))
+        if not other and enough and self.asked < artefact.task_count:
+            other = f"tasks: asked for {self.asked}, there is {artefact.task_count}"
+        if other:
+            raise Refused(
+                f"{artefact.path} has other settings ({other}); give another name with -o, or --force"
+            )
+
+    def _wants(self, number: int) -> bool:
+        return number < self.asked and number not in self._digests
+
+    def _discard_other_work(self) -> None:
+        kept = self._kept()
+        other = kept is None or kept.kind != self._schema.kind or bool(self._other_settings(kept.spec))
+        asked = set(range(self.asked))
+        if other or any(self._ids(path) - asked for path in folder.part_paths(self.folder)):
+            folder.remove_parts(self.folder, self._disk)
+
+    def _holds_more(self, path: Path) -> bool:
+        """Whether a part file has tasks the artefact lacks, or belongs to other settings."""
+        kept = folder.read_record(self.folder)
+        other = kept is not None and bool(self._other_settings(kept.spec))
+        return other or bool(self._ids(path) - self._digests.keys())
+
+    def _ids(self, path: Path) -> set[int]:
+        """The ids in a part file; none where it cannot be trusted."""
+        try:
+            with open_part(path, self._schema.kind) as part:
+                return set(part.tasks.tolist())
+        except (Damaged, NotFound, Refused):
+            return set()
+
+    def _refuse_other_work(self) -> None:
+        kept = self._kept()
+        if kept is None:
+            return
+        other = self._other_settings(kept.spec)
+        if kept.kind != self._schema.kind:
+            other = f"kind: asked for {self._schema.kind}, there is {kept.kind}"
+        if other:
+            raise Refused(
+                f"{self.target} was begun with other settings ({other}); finish it with `{kept.command}`,"
+                " give another name with -o, or discard it with --force"
+            )
+
+    def _kept(self) -> folder.Record | None:
+        """What the work folder was begun for, from its record or else from a part; None where it is empty."""
+        kept = folder.read_record(self.folder)
+        for path in folder.part_paths(self.folder) if kept is None else ():
+            try:
+                with open_part(path, self._schema.kind) as part:
+                    return folder.Record(part.kind, part.spec)
+            except (Damaged, Refused):
+                continue
+        return kept
+
+    def _other_settings(self, spec: Spec) -> str:
+        return difference(self._part_spec, without_tasks(spec))
+
+    def _load_parts(self) -> None:
+        for path in folder.part_paths(self.folder):
+            try:
+                self._load(path)
+            except (Damaged, Refused):
+                self.set_aside += _count_by_name(path)
+                folder.set_bad_aside(path, self._disk)
+        self._refuse_beyond(set(range(self.asked)))
+
+    def _load(self, path: Path) -> None:
+        if not stat.S_ISREG(os.lstat(path).st_mode):
+            raise Damaged(f"{path} is no regular file")
+        with open_part(path, self._schema.kind) as part:
+            self._compare(part, enough=False)
+            if _essence(part.schema) != _essence(self._part_schema):
+                raise Damaged(f"{path} has other columns than this version writes")
+            if self._digests.keys() & set(part.tasks.tolist()):
+                raise Damaged(f"{path} repeats tasks of another part")
+            part.check_tasks()
+            self._count(path, part.tasks, part.digests)
+
+    def _refuse_beyond(self, asked: set[int]) -> None:
+        """Refused where a saved task is not asked for: it would be thrown away silently."""
+        beyond = sorted(self._digests.keys() - asked)
+        if not beyond:
+            return
+        kept = folder.read_record(self.folder) or self._record
+        raise Refused(
+            f"{self.target} was begun for {kept.spec.get('tasks', 'more')} tasks and holds task {beyond[-1]},"
+            f" asked for are {len(asked)}; finish it with `{kept.command}`, give another name with -o,"
+            " or discard it with --force"
+        )
+
+    def _build(self, whole: Path, header: encoding.Header, ids: Array, statics: Mapping[str, Array]) -> str:
+        """Write the final file; its content hash."""
+        joined = b"".join(self._digests[number] for number in ids.tolist())
+        digests = np.frombuffer(joined, dtype=np.uint8).reshape(-1, DIGEST_BYTES)
+        growing = publish.Growing(self._disk, whole, self._room(ids, statics))
+        try:
+            with h5py.File(growing, "w", libver=encoding.LIBVER) as file:
+                content = encoding.write(
+                    file, header, self._schema, ids, digests, statics, self._blocks(ids, growing)
+                )
+            growing.finish()
+        except BaseException:
+            growing.abandon()
+            growing.check()  # what HDF5 made of it is of no interest
+            raise
+        return content
+
+    def _room(self, ids: Array, statics: Mapping[str, Array]) -> int:
+        parts = {self._places[number][0] for number in ids.tolist()}
+        return ROOM_BEYOND_PARTS + sum(
+            [*(path.stat().st_size for path in parts), *(values.nbytes for values in statics.values())]
+        )
+
+    def _blocks(self, ids: Array, growing: publish.Growing) -> Iterator[tuple[int, dict[str, Array]]]:
+        """The verified rows of the parts in the order of `ids`, about 8 MiB at a time."""
+        size = self._schema.block_size
+        for first in range(0, ids.size, size):
+            growing.check()
+            yield first, self._gathered(ids[first : first + size].tolist())
+        growing.check()
+
+    def _gathered(self, numbers: list[int]) -> dict[str, Array]:
+        block = {
+            column.name: np.empty((len(numbers), *self._schema.row_shape(column)), dtype=column.little_endian)
+            for column in self._schema.task_columns
+        }
+        by_part: dict[Path, list[tuple[int, int]]] = {}
+        for position, number in enumerate(numbers):
+            path, row = self._places[number]
+            by_part.setdefault(path, []).append((position, row))
+        for path, places in by_part.items():
+            positions, found = zip(*places, strict=True)
+            # Parts and blocks are in the order of ids, so what lies between belongs to the block too.
+            with open_part(path, self._schema.kind) as part:
+                rows = part.rows(found[0], found[-1] + 1)
+            for name, values in block.items():
+                values[list(positions)] = rows[name]
+        return block
+
+    def _check(self, whole: Path, content: str) -> None:
+        """Read the final file back; every digest must hold."""
+        with open_artefact(whole, self._schema.kind) as artefact:
+            if artefact.content_sha256 != content:
+                raise SystemFailed(f"{whole} was not written as it should be; is the disk sound?")
+            artefact.check_tasks()
+
+    @contextmanager
+    def _keeping(self) -> Iterator[None]:
+        """Say what is kept when the system fails; a failed flush is never tried again by this work."""
+        if self._failure is not None:
+            raise self._failure
+        try:
+            yield
+        except (SystemFailed, FileNotFoundError, FileExistsError) as failure:
+            kept = f"; {len(self._digests)} tasks are kept in {self.folder}" if self._digests else ""
+            self._failure = SystemFailed(f"{failure}{kept}; the same command goes on once that is mended")
+            raise self._failure from failure
+
+
+def _make_parents(path: Path, disk: Disk) -> None:
+    missing = [one for one in (path, *path.parents) if not one.exists()]
+    for one in reversed(missing):
+        try:
+            disk.make_directory(one)
+        except FileExistsError:
+            continue
+        disk.sync_directory(one.parent)
+
+
+def _refuse_odd(target: Path) -> None:
+    try:
+        status = os.lstat(target)
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if not stat.S_ISREG(status.st_mode):
+        raise Refused(f"{target} is no regular file, so it is not replaced; give another name with -o")
+
+
+def _checked_ids(tasks: Any) -> Array:
+    ids = np.asarray(tasks)
+    if ids.ndim != 1 or ids.dtype.kind not in "iu" or np.unique(ids).size != ids.size or (ids < 0).any():
+        raise ValueError(f"task ids must be one row of distinct whole numbers from 0, not {tasks!r}")
+    return ids.astype(np.int64)
+
+
+def _by_id(artefact: Artefact) -> dict[int, bytes]:
+    return {
+        number: digest.tobytes()
+        for number, digest in zip(artefact.tasks.tolist(), artefact.digests, strict=True)
+    }
+
+
+def _essence(schema: Schema) -> tuple[object, ...]:
+    """What two schemas must share for their numbers to go into one artefact."""
+    axes = {axis.name: (axis.values.dtype.str, axis.values.tobytes()) for axis in schema.axes}
+    columns = {one.name: (one.dims, one.little_endian.str, one.hashed) for one in schema.columns}
+    return axes, columns
+
+
+def _count_by_name(path: Path) -> int:
+    match = folder.PART.fullmatch(path.name)
+    return int(match[2]) if match else 0
