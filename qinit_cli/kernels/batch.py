@@ -1,0 +1,218 @@
+"""Learning a batch of tasks: what goes in, what comes out, and the call that turns one into the other."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from qinit_cli.arrays import Flags, Floats, Integers
+from qinit_cli.kernels.dice import Words, exploration_limit
+from qinit_cli.kernels.lane import BLOCK, ROW, Lanes, Setting, Tasks
+from qinit_cli.learning import Learning
+
+LANES = 4
+CALL_SECONDS = 0.01  # of learning between two looks at the watch
+CACHE_LINE = 64
+
+
+class Worlds(Protocol):
+    """The tasks of one family, B of them; a kernel file has its own."""
+
+    @property
+    def states(self) -> int: ...
+
+    @property
+    def actions(self) -> int: ...
+
+    def __len__(self) -> int: ...
+
+    def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
+        """The compiled `advance` and the world it takes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Chance:
+    """The streams of a batch, one of each kind a task; first states as dice.lane_seeds and dice.seeds make
+    them."""
+
+    dice: Words  # (B, 4, 8) slips, exploration and picks
+    starts: Words  # (B, 4) where episodes start
+
+
+@dataclass(frozen=True)
+class Start:
+    """What learning starts from: the three arrays of a method."""
+
+    table: Floats  # (S, A) or (B, S, A)
+    potential: Floats | None = None  # (S,) or (B, S); None: no shaping
+
+
+@dataclass(frozen=True)
+class Records:
+    """What is kept of a task besides its table."""
+
+    bins: int  # of the learning curve; as many as episodes keeps every episode
+    visits: bool = False
+    td_var: bool = False  # running mean, rate 0.01, of the squared TD error
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a batch learned. Of tasks that are not `finished`, nothing else here means anything."""
+
+    q: Floats  # (B, S, A)
+    visits: Integers | None  # (B, S, A)
+    td_var: Floats | None  # (B, S, A)
+    steps: Integers  # (B, bins) sums over the episodes of a bin
+    reached: Integers  # (B, bins)
+    step_count: Integers  # (B,)
+    seconds: Floats  # (B,) each task's share, by steps, of the time of its batch
+    finished: Flags  # (B,)
+
+
+class Watch:
+    """Progress of learning that other threads may read, and the way to stop it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._steps = 0
+
+    def add(self, steps: int) -> None:
+        """Counts steps that were learned."""
+        with self._lock:
+            self._steps += steps
+
+    def stop(self) -> None:
+        """Learning ends soon; tasks that are not finished by then are lost."""
+        self._stopped.set()
+
+    @property
+    def stopped(self) -> bool:
+        """True once somebody has called `stop`."""
+        return self._stopped.is_set()
+
+    @property
+    def steps(self) -> int:
+        """Steps learned so far, in episodes that ended."""
+        return self._steps
+
+
+def learn(
+    worlds: Worlds,
+    learning: Learning,
+    start: Start,
+    chance: Chance,
+    records: Records,
+    watch: Watch,
+    lanes: int = LANES,
+) -> Learned:
+    """What the tasks learn. The result of a task depends on its world, start and streams alone, not on its
+    batch or on `lanes`.
+
+    Nothing that is passed in is changed, but the watch. ValueError if shapes do not fit.
+    """
+    batch = len(worlds)
+    shape = (batch, worlds.states, worlds.actions)
+    _expect("start table", start.table.shape, shape[1:], shape)
+    _expect("dice", chance.dice.shape, (batch, 4, 8))
+    _expect("start dice", chance.starts.shape, (batch, 4))
+    if not 1 <= records.bins <= learning.episodes:
+        raise ValueError(f"{records.bins} bins of {learning.episodes} episodes; a bin holds one at least")
+    tasks = Tasks(
+        q=np.broadcast_to(start.table, shape).astype(np.float64, order="C"),
+        dice=chance.dice.copy(),
+        start_dice=chance.starts.copy(),
+        episode=np.zeros(batch, np.int64),
+        step_count=np.zeros(batch, np.int64),
+        finished=np.zeros(batch, np.bool_),
+        steps=np.zeros((batch, records.bins), np.int64),
+        reached=np.zeros((batch, records.bins), np.int64),
+    )
+    visits = np.zeros(shape, np.int64) if records.visits else None
+    td_var = np.zeros(shape) if records.td_var else None
+    advance, world = worlds.loop(learning, lanes)
+    arguments = (
+        world,
+        Setting(
+            learning.alpha,
+            learning.gamma,
+            exploration_limit(learning.epsilon),
+            learning.episodes,
+            learning.horizon,
+        ),
+        tasks,
+        _lanes(lanes, worlds.states),
+        _potential(start.potential, batch, worlds.states),
+        visits,
+        td_var,
+    )
+    seconds = _run(advance, arguments, tasks, watch)
+    return Learned(
+        q=tasks.q,
+        visits=visits,
+        td_var=td_var,
+        steps=tasks.steps,
+        reached=tasks.reached,
+        step_count=tasks.step_count,
+        seconds=seconds,
+        finished=tasks.finished,
+    )
+
+
+def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, watch: Watch) -> Floats:
+    """Calls the loop until the batch is done or the watch stopped; each task's share of the time, (B,)."""
+    seconds = np.zeros(len(tasks.q))
+    advance(0, *arguments)  # compiles, if need be, outside the time
+    blocks = 64
+    while not (tasks.finished.all() or watch.stopped):
+        before = tasks.step_count.copy()
+        began = time.perf_counter()
+        advance(blocks, *arguments)
+        elapsed = time.perf_counter() - began
+        learned = tasks.step_count - before
+        seconds += elapsed * learned / max(1, learned.sum())
+        watch.add(int(learned.sum()))
+        blocks = max(1, int(blocks * min(2.0, CALL_SECONDS / max(elapsed, 1e-6))))
+    return seconds
+
+
+def _lanes(count: int, states: int) -> Lanes:
+    places = (states + 1) * ROW
+    visits = _aligned(count, places).view(np.int64)
+    return Lanes(
+        task=np.full(count, -1, np.int64),
+        order=np.arange(count),
+        following=np.zeros(1, np.int64),
+        rows=_aligned(count, places),
+        ties=np.zeros((count, states + 1), np.uint8),
+        visits=visits,
+        td_var=visits.view(np.float64),
+        draws=np.zeros((count, BLOCK), np.uint64),
+        choices=np.zeros((count, BLOCK), np.uint16),
+        time=np.zeros(count, np.int64),
+    )
+
+
+def _aligned(rows: int, columns: int) -> Floats:
+    """Zeros that begin on a cache line, so that a row of eight is one."""
+    memory = np.zeros(rows * columns + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    return memory[first : first + rows * columns].reshape(rows, columns)
+
+
+def _potential(potential: Floats | None, batch: int, states: int) -> Floats | None:
+    if potential is None:
+        return None
+    _expect("potential", potential.shape, (states,), (batch, states))
+    return np.ascontiguousarray(np.atleast_2d(potential), np.float64)
+
+
+def _expect(name: str, shape: tuple[int, ...], *wanted: tuple[int, ...]) -> None:
+    if shape not in wanted:
+        raise ValueError(f"the {name} has shape {shape}; it must be {' or '.join(map(str, wanted))}")

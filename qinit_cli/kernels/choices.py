@@ -1,0 +1,55 @@
+# mypy: allow-untyped-defs
+"""What a step's draw decides, worked out before the step: a table's index in which only the tied actions are
+missing.
+
+A choice is ((slip * 12) + pick) * 16 + ties. Ties are a bit for each action, all of them when the step
+explores; the greedy ones of the state are or-ed in. A pick of 0 to 11 decides among 1, 2, 3 or 4 tied actions
+as exactly as the 12 bits it came from do, since floor(floor(12 x) / (12 / n)) = floor(n x).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qinit_cli.kernels.compiled import compiled
+from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE
+
+PICKS = 12
+TIES = 16
+SLIPS = 4
+
+_NONE, _ONE, _PICKS, _TIES = np.uint64(0), np.uint64(1), np.uint64(PICKS), np.uint64(TIES)
+
+
+def _actions() -> NDArray[np.uint8]:
+    table = np.zeros((SLIPS, PICKS, TIES), np.uint8)
+    for pick in range(PICKS):
+        for ties in range(1, TIES):
+            tied = [action for action in range(4) if ties >> action & 1]
+            table[:, pick, ties] = tied[pick * len(tied) // PICKS]
+    return table
+
+
+ACTIONS = _actions().ravel()  # by choice: the action taken
+DIRECTIONS = (
+    ((_actions() + np.arange(SLIPS)[:, None, None]) % 4).astype(np.uint8).ravel()
+)  # the way the agent goes
+
+
+@compiled
+def decide(draws, exploration, all_actions, slips, choices):
+    """Writes into `choices` u2 what the draws u8 decide.
+
+    A step explores if its 20 bits are below `exploration`; it slips once for each of the three limits `slips`
+    u8 (3,) that its upper 32 bits reach. `all_actions` has a bit for each action.
+    """
+    first, second, third = slips[0], slips[1], slips[2]
+    for index in range(len(draws)):
+        draw = draws[index]
+        upper = draw >> THIRTY_TWO
+        slip = (_ONE if upper >= first else _NONE) + (_ONE if upper >= second else _NONE)
+        slip += _ONE if upper >= third else _NONE
+        explored = all_actions if ((draw >> TWELVE) & LOW_20) < exploration else _NONE
+        pick = ((draw & LOW_12) * _PICKS) >> TWELVE
+        choices[index] = (slip * _PICKS + pick) * _TIES + explored

@@ -1,0 +1,79 @@
+"""The one decorator of compiled functions, and the folder that keeps their machine code between runs.
+
+Numba's own stamp covers a function's own file: after an edit to a callee elsewhere the old code would keep
+running. The folder is therefore named for the bytes of every kernel file and the version of Numba: other
+code, other folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Where machine code is kept, made if need be; None if that place cannot be written.
+
+    Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache).
+    """
+    digest = hashlib.sha256(metadata.version("numba").encode())
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    folder = _base() / f"kernels-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return None
+
+
+def cache_statement() -> str | None:
+    """What to tell the user if machine code cannot be kept, with the remedy; None if it can."""
+    if cache_folder() is not None:
+        return None
+    return (
+        f"{_base()} cannot be written: kernels are compiled anew in every run; set NUMBA_CACHE_DIR elsewhere"
+    )
+
+
+def needs_compiling(kernel: str) -> bool:
+    """True if no machine code of this kernel ("gridworld") is kept yet: its first call takes seconds."""
+    folder = cache_folder()
+    return folder is None or not any(folder.glob(f"**/{kernel}.advance-*.nbi"))
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """The function, compiled at its first call and kept in the cache folder; runs without the lock."""
+    return _compile(function, {})
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """The function, compiled into its compiled callers."""
+    return _compile(function, {"forceinline": True})
+
+
+def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    import numba
+
+    folder = cache_folder()
+    config: Any = numba.config
+    kept = config.CACHE_DIR
+    config.CACHE_DIR = str(folder or "")
+    try:
+        return numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
+    finally:
+        config.CACHE_DIR = kept  # of other users of Numba in this process
+
+
+def _base() -> Path:
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(chosen).expanduser() / "qinit"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "qinit"

@@ -1,0 +1,143 @@
+# mypy: allow-untyped-defs
+"""A lane: the working memory of the task that learns in it, whatever its family.
+
+Tasks of a batch are learned side by side, a few at a time, because a step waits for the one before it: while
+one task waits, the others go on. Each lane keeps its task's table as rows of eight numbers, one cache line a
+state: the four values (three actions: the last is -inf), what entering the state is worth (gamma times the
+largest value; 1 at the goal, which is never acted in), gamma * potential and potential. Which actions tie for
+the largest value is kept beside it, a byte a state.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qinit_cli.kernels.compiled import compiled
+
+BLOCK = 256  # steps between two looks at the lane: draws are made, and tasks change places, only there
+ROW = 8
+WORTH, WORTH_OF_POTENTIAL, POTENTIAL = 4, 5, 6  # places in a row after the values
+TD_VAR = 4  # place in a row of tallies after the visits
+TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
+
+
+class Setting(NamedTuple):
+    """How a task is learned; `Learning` as the loops read it."""
+
+    alpha: float
+    gamma: float
+    exploration: np.uint64
+    episodes: int
+    horizon: int
+
+
+class Tasks(NamedTuple):
+    """The tasks of a batch, B of them, and how far each has come."""
+
+    q: Any  # f8 (B, S, A), in and out
+    dice: Any  # u8 (B, 4, 8)
+    start_dice: Any  # u8 (B, 4)
+    episode: Any  # i8 (B,) episodes done
+    step_count: Any  # i8 (B,) steps of those
+    finished: Any  # b1 (B,)
+    steps: Any  # i8 (B, bins) sums over the episodes of a bin
+    reached: Any  # i8 (B, bins)
+
+
+class Lanes(NamedTuple):
+    """Working memory, L lanes. The last state of a row-table is a place for families whose goal is no state
+    of the table."""
+
+    task: Any  # i8 (L,) who learns there; -1: nobody
+    order: Any  # i8 (L,) the lanes in use come first
+    following: Any  # i8 (1,) the next task of the batch that has no lane yet
+    rows: Any  # f8 (L, (S + 1) * ROW)
+    ties: Any  # u1 (L, S + 1)
+    visits: Any  # i8 (L, (S + 1) * ROW), visits in places 0 to 3
+    td_var: Any  # f8, the same memory, td_var in places 4 to 7
+    draws: Any  # u8 (L, BLOCK)
+    choices: Any  # u2 (L, BLOCK)
+    time: Any  # i8 (L,) steps in the current episode
+
+
+@compiled
+def take(tasks, lanes, lane, task, gamma, potential, visits, td_var):
+    """Puts a task into a lane: its table, potential, visits and td_var; an episode is about to start."""
+    rows, ties = lanes.rows[lane], lanes.ties[lane]
+    counts, spreads = lanes.visits[lane], lanes.td_var[lane]
+    states, actions = tasks.q.shape[1], tasks.q.shape[2]
+    rows[:] = -np.inf
+    for state in range(states):
+        row = ROW * state
+        best = -np.inf
+        for action in range(actions):
+            rows[row + action] = tasks.q[task, state, action]
+            best = max(best, rows[row + action])
+        rows[row + WORTH] = gamma * best
+        tied = 0
+        for action in range(actions):
+            tied |= (rows[row + action] == best) << action
+        ties[state] = tied
+        if potential is not None:
+            phi = potential[task % len(potential), state]
+            rows[row + WORTH_OF_POTENTIAL] = gamma * phi
+            rows[row + POTENTIAL] = phi
+        for action in range(actions):
+            if visits is not None:
+                counts[row + action] = visits[task, state, action]
+            if td_var is not None:
+                spreads[row + TD_VAR + action] = td_var[task, state, action]
+    lanes.task[lane] = task
+    lanes.time[lane] = 0
+
+
+@compiled
+def make_terminal(rows, state):
+    """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever the potential's
+    array says."""
+    rows[ROW * state + WORTH] = 1.0
+    rows[ROW * state + WORTH_OF_POTENTIAL] = 0.0
+
+
+@compiled
+def leave(tasks, lanes, lane, visits, td_var):
+    """Writes what the lane's task has learned back to the batch; what the lane does with it afterwards is
+    lost."""
+    task = lanes.task[lane]
+    rows, counts, spreads = lanes.rows[lane], lanes.visits[lane], lanes.td_var[lane]
+    for state in range(tasks.q.shape[1]):
+        row = ROW * state
+        for action in range(tasks.q.shape[2]):
+            tasks.q[task, state, action] = rows[row + action]
+            if visits is not None:
+                visits[task, state, action] = counts[row + action]
+            if td_var is not None:
+                td_var[task, state, action] = spreads[row + TD_VAR + action]
+
+
+@compiled
+def record_episode(tasks, task, length, reached, episodes):
+    """Adds an episode that ended to its bin of the learning curve; bin e * bins // episodes for the e-th."""
+    episode = tasks.episode[task]
+    place = episode * tasks.steps.shape[1] // episodes
+    tasks.steps[task, place] += length
+    tasks.reached[task, place] += reached
+    tasks.step_count[task] += length
+    tasks.episode[task] = episode + 1
+
+
+@compiled
+def lanes_in_use(tasks, lanes):
+    """How many lanes hold an unfinished task; those come first in `lanes.order`."""
+    count, rest = 0, len(lanes.task)
+    for lane in range(len(lanes.task)):
+        task = lanes.task[lane]
+        if task >= 0 and not tasks.finished[task]:
+            lanes.order[count] = lane
+            count += 1
+        else:
+            rest -= 1
+            lanes.order[rest] = lane
+    return count

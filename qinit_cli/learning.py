@@ -1,0 +1,35 @@
+"""How a task is learned: the settings of tabular Q-learning, free of numpy so that help stays fast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+Start = Literal["anywhere", "fixed"]
+
+
+@dataclass(frozen=True)
+class Learning:
+    """Epsilon-greedy tabular Q-learning with a constant step size."""
+
+    alpha: float  # step size
+    gamma: float  # discount
+    epsilon: float  # chance that a step explores
+    episodes: int
+    horizon: int  # steps after which an episode is cut off
+    start: Start  # where episodes start: anywhere in the family's states, or at the target start
+
+    def __post_init__(self) -> None:
+        _check("alpha", self.alpha, 0 < self.alpha <= 1, "above 0 and at most 1")
+        _check("gamma", self.gamma, 0 < self.gamma <= 1, "above 0 and at most 1")
+        _check("epsilon", self.epsilon, 0 <= self.epsilon <= 1, "from 0 to 1")
+        _check("episodes", self.episodes, self.episodes >= 1, "at least 1")
+        _check("horizon", self.horizon, self.horizon >= 1, "at least 1")
+        if self.start not in get_args(Start):
+            raise ValueError(f"start is {self.start!r}; it is one of {', '.join(get_args(Start))}")
+
+
+def _check(name: str, value: float, fits: bool, wanted: str) -> None:
+    if not (math.isfinite(value) and fits):
+        raise ValueError(f"{name} is {value}; it must be {wanted}")
