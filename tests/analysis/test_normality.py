@@ -57,15 +57,15 @@ def test_anderson_darling_equals_statsmodels() -> None:
 
 
 def test_lilliefors_equals_statsmodels_statistic_and_its_table_within_simulation_error() -> None:
-    values = mixed(60, (100,))
+    values = mixed(100, (100,))  # a size their table holds: between sizes it is a quarter off
     found = normality(
         values, np.ones(values.shape, dtype=bool), named_tests(np.random.default_rng(0))["lilliefors"]
     )
     for cell in range(100):
         statistic, p = statsmodels_lilliefors(values[:, cell])
         assert found.statistic[cell] == pytest.approx(statistic, rel=1e-9)
-        if 0.001 < p < 0.99:  # their table ends there, and is coarse above 0.1
-            assert found.p[cell] == pytest.approx(p, abs=0.06 if p > 0.1 else 0.01)
+        if 0.001 < p < 0.99:  # their table ends there, and is linear between few points
+            assert found.p[cell] == pytest.approx(p, abs=0.03 if p > 0.1 else 0.008)
 
 
 @pytest.mark.parametrize("name", ["shapiro-wilk", "anderson-darling", "lilliefors"])
