@@ -3,9 +3,10 @@
     QinitError
     |- UsageError   2  options that cannot be meant, a reference that leads nowhere
     |- NotAllowed   4  the input does not allow it: wrong kind, too few sources, other targets
-    |- Interrupted  130 or 143  a signal; what was learned is kept
 
-The store has its own tree (store.errors) with codes of the same meaning; SomeTasksFailed is no error but an exit code (3).
+    Interrupted   130 or 143  a signal; what was learned is kept
+
+The store has its own tree (store.errors) with codes of the same meaning.
 """
 
 from __future__ import annotations
@@ -29,8 +30,11 @@ class NotAllowed(QinitError):
     exit_code = 4
 
 
-class Interrupted(QinitError):
-    """A signal came; the message says what is kept and how to go on."""
+class Interrupted(BaseException):
+    """A signal came; the message says what is kept and how to go on, the exit code is 128 + the signal's number.
+
+    Not an Exception, as KeyboardInterrupt is none: whoever catches everything must not swallow it.
+    """
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)

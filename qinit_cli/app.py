@@ -1,0 +1,99 @@
+"""The typer app, and the one place where errors become text and exit codes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from qinit_cli import __version__
+from qinit_cli.commands import compare, fit, list_artefacts, plot, train_sources, transfer
+from qinit_cli.errors import Interrupted, QinitError, UsageError
+from store.errors import StoreError, SystemFailed
+
+app = typer.Typer(
+    name="qinit",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
+    epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
+)
+for command in (train_sources, fit, transfer, compare, plot, list_artefacts):
+    command.add_to(app)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"qinit {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", "-V", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Initial values for new tasks from solved ones, in tabular reinforcement learning."""
+
+
+def run(arguments: list[str]) -> int:
+    """Runs one command line and returns its exit code; every error is one sentence on stderr."""
+    try:
+        code = app(args=arguments, prog_name="qinit", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except Interrupted as interrupted:
+        return _say(str(interrupted), interrupted.exit_code)
+    except BrokenPipeError:
+        return _closed_pipe()
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # typer turns a broken pipe into exit code 1
+            return _closed_pipe()
+        raise
+    except typer.TyperException as error:
+        return _say(_usage(error), UsageError.exit_code)
+    except Exception as error:
+        if "--debug" in arguments:
+            raise
+        return _say(*_sentence(error))
+
+
+def _sentence(error: Exception) -> tuple[str, int]:
+    match error:
+        case QinitError() | StoreError():
+            return str(error), error.exit_code
+        case MemoryError():
+            return "out of memory; fewer --jobs or smaller tasks need less", SystemFailed.exit_code
+        case OSError():
+            return f"the system refused: {error}", SystemFailed.exit_code
+        case _:
+            return (
+                f"unexpected {type(error).__name__}: {error} (this is a fault of qinit; --debug shows where)",
+                QinitError.exit_code,
+            )
+
+
+def _usage(error: typer.TyperException) -> str:
+    """typer's message as one sentence, with the nearest names and where to read on."""
+    message = " ".join(error.format_message().split()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    return message if context is None else f"{message}; see {context.command_path} --help"
+
+
+def _say(message: str, code: int) -> int:
+    if message:
+        print(f"qinit: {message}", file=sys.stderr)
+    return code
+
+
+def _closed_pipe() -> int:
+    """Ends silently: whoever read our output has gone. Python would complain once more when it flushes stdout at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 141

@@ -1,0 +1,95 @@
+"""Typer commands made from dataclasses: each group of options is a dataclass, and the command receives one instance of each.
+
+Families, methods and the shared groups declare their options once (qinit_cli.fields.option); this file spells them for typer.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from qinit_cli.errors import UsageError
+from qinit_cli.fields import flag, options
+
+
+@dataclass(frozen=True)
+class Group:
+    """One dataclass of options: the panel they stand under in the help, and texts for defaults that come from elsewhere."""
+
+    owner: type[Any]
+    panel: str
+    default_texts: Mapping[str, str] = field(default_factory=dict)
+
+    def parameters(self) -> list[inspect.Parameter]:
+        """The options as keyword parameters that typer reads."""
+        hints = get_type_hints(self.owner)
+        return [self._parameter(option, hints[option.name]) for option in options(self.owner)]
+
+    def instance(self, values: Mapping[str, Any]) -> Any:
+        """The dataclass made from parsed options; UsageError, one sentence, where they cannot be meant so."""
+        try:
+            return self.owner(**{option.name: values[option.name] for option in options(self.owner)})
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+
+    def _parameter(self, option: Field[Any], hint: Any) -> inspect.Parameter:
+        meta = option.metadata
+        default_text = self.default_texts.get(option.name, meta["default_text"])
+        spelled = [flag(option.name)] + ([meta["short"]] if meta["short"] else [])
+        info = typer.Option(
+            *spelled,
+            help=meta["help"],
+            metavar=meta["metavar"],
+            envvar="QINIT_" + option.name.upper(),
+            show_envvar=False,
+            show_default=default_text if default_text is not None else option.default not in (None, False),
+            rich_help_panel=meta["panel"] or self.panel,
+        )
+        default = option.default if option.default is not MISSING else inspect.Parameter.empty
+        return inspect.Parameter(
+            option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, info]
+        )
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A positional argument that names artefacts."""
+
+    name: str
+    help: str
+    several: bool = False
+
+    def parameter(self) -> inspect.Parameter:
+        """The argument as a parameter that typer reads."""
+        info = typer.Argument(help=self.help, metavar=self.name.upper() + ("..." if self.several else ""))
+        hint = list[str] if self.several else str
+        return inspect.Parameter(
+            self.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Annotated[hint, info]
+        )
+
+
+def add_command(
+    app: typer.Typer,
+    name: str,
+    run: Callable[..., None],
+    groups: Mapping[str, Group],
+    *,
+    references: tuple[Reference, ...] = (),
+    help: str,
+) -> None:
+    """Adds to `app` the command `name`, which calls `run` with one instance per group and the references as they were typed."""
+
+    def command(**values: Any) -> None:
+        typed = {reference.name: values[reference.name] for reference in references}
+        run(**typed, **{key: group.instance(values) for key, group in groups.items()})
+
+    parameters = [reference.parameter() for reference in references]
+    for group in groups.values():
+        parameters += group.parameters()
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    app.command(name, help=help, no_args_is_help=bool(references))(command)

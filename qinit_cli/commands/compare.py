@@ -1,0 +1,119 @@
+"""`qinit compare`: runs side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.messages import note
+from qinit_cli.fields import check, option
+
+if TYPE_CHECKING:
+    from qinit_cli.runs import Run
+    from qinit_cli.stages.compare import Comparison, Estimate
+
+SCHEMA = "qinit.compare/1"
+CONDITIONAL = "95 % bootstrap intervals over targets, conditional on this source set, uncorrected"
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """What is compared, and with what."""
+
+    baseline: str = option("zero", "The method, or the artefact's name, that the others are set against.")
+    metric: Literal["return", "success", "steps"] = option(
+        "return", "Discounted return, share of episodes that reach the goal, or min(steps, horizon)."
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "compare",
+        compare,
+        {
+            "comparing": Group(Comparing, "Comparison"),
+            "tabular": TABULAR,
+            "reading": READING,
+            "display": DISPLAY,
+        },
+        references=(Reference("runs", "Runs: paths, names in the store, or - for stdin.", several=True),),
+        help="Compare runs: averages, and differences to a baseline on the same targets, with 95 % intervals.",
+    )
+
+
+def compare(
+    runs: list[str], comparing: Comparing, tabular: Tabular, reading: Reading, display: Display
+) -> None:
+    """Prints one table per set of shared targets."""
+    from qinit_cli.commands.tables import TableColumn, print_table
+    from qinit_cli.stages import compare as stage
+
+    comparisons = stage.compare(read_runs(runs, reading.store), comparing.baseline, comparing.metric)
+    columns = [
+        TableColumn("method"),
+        TableColumn(comparing.metric, f"average {comparing.metric}", 4, interval=True),
+        TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
+        TableColumn("jumpstart", "first 10", 4, interval=True),
+        TableColumn("asymptotic", "last tenth", 4, interval=True),
+        TableColumn("success", digits=3),
+        TableColumn("restricted_steps", "steps", 1),
+    ]
+    for comparison in comparisons:
+        if comparison.baseline is None:
+            note(
+                display,
+                f"{comparison.title}: no run of {comparing.baseline}, so no differences; "
+                f"qinit transfer {comparing.baseline} FIT makes one",
+            )
+    if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
+        for comparison in comparisons:
+            rows = _rows(comparison, comparing.metric)
+            print_table(SCHEMA, columns, rows, tabular, display, title=comparison.title, caption=CONDITIONAL)
+        return
+    rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]
+    everything = [TableColumn("targets"), *columns]
+    print_table(SCHEMA, everything, rows, tabular, display, extra={"intervals": CONDITIONAL})
+
+
+def read_runs(references: list[str], store: str) -> list[Run]:
+    """The runs that the references name, verified."""
+    from qinit_cli.commands import references as named
+    from qinit_cli.runs import Run
+    from store.reading import open_artefact
+
+    found = []
+    for path in named.many(references, store):
+        with open_artefact(path, "run") as artefact:
+            found.append(Run.from_artefact(artefact))
+    return found
+
+
+def _rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
+    return [
+        {
+            "targets": comparison.title,
+            "method": row.label + (" (privileged)" if row.privileged else ""),
+            **_bounds(metric, row.average),
+            **_bounds("difference", row.difference),
+            **_bounds("jumpstart", row.jumpstart),
+            **_bounds("asymptotic", row.asymptotic),
+            "success": row.success,
+            "restricted_steps": row.steps,
+        }
+        for row in comparison.rows
+    ]
+
+
+def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
+    if estimate is None:
+        return {key: None, f"{key}_low": None, f"{key}_high": None}
+    return {key: estimate.mean, f"{key}_low": estimate.low, f"{key}_high": estimate.high}

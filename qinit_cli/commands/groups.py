@@ -1,0 +1,88 @@
+"""The option groups that commands share."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from typing import Literal
+
+from qinit_cli.commands.build import Group
+from qinit_cli.fields import check, option
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where the artefact goes."""
+
+    output: str | None = option(
+        None,
+        "Write the artefact here.",
+        short="-o",
+        metavar="PATH",
+        default_text="a name made of what it is, in the store",
+    )
+    store: str = option(
+        "qinit-store", "The folder of artefacts, also QINIT_STORE.", default_text="./qinit-store", metavar="DIR"
+    )
+    force: bool = option(False, "Replace an artefact of that name that has other settings.")
+    wait: bool = option(False, "Wait while another process writes the same artefact.")
+    json: bool = option(False, "Print one JSON object instead of the path.")
+
+
+@dataclass(frozen=True)
+class Work:
+    """How much of the machine is used; no number depends on it."""
+
+    jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def threads(self) -> int:
+        """Worker threads: as asked, else the cores this process may use."""
+        return self.jobs or len(os.sched_getaffinity(0))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Where names of artefacts are looked up."""
+
+    store: str = option(
+        "qinit-store", "The folder of artefacts, also QINIT_STORE.", default_text="./qinit-store", metavar="DIR"
+    )
+
+
+@dataclass(frozen=True)
+class Tabular:
+    """How a table is printed."""
+
+    format: Literal["table", "tsv", "csv", "json", "jsonl", "markdown"] | None = option(
+        None, "How the table is printed.", default_text="table on a terminal, else tsv"
+    )
+    json: bool = option(False, "The same as --format json.")
+
+    @property
+    def chosen(self) -> str:
+        """The format asked for, or what suits where it goes."""
+        return "json" if self.json else self.format or ("table" if sys.stdout.isatty() else "tsv")
+
+
+@dataclass(frozen=True)
+class Display:
+    """What is said on the way."""
+
+    quiet: bool = option(False, "Say nothing but errors.", short="-q")
+    verbose: bool = option(False, "Say more.", short="-v")
+    color: Literal["auto", "always", "never"] = option(
+        "auto", "Colour: on a terminal unless NO_COLOR or TERM=dumb, always or never."
+    )
+    debug: bool = option(False, "Show the traceback of an error.")
+
+
+OUTPUT = Group(Output, "Artefact")
+WORK = Group(Work, "Machine")
+READING = Group(Reading, "Artefacts")
+TABULAR = Group(Tabular, "Table")
+DISPLAY = Group(Display, "Messages")

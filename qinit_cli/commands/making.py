@@ -1,0 +1,176 @@
+"""What the three stages have in common: where an artefact goes, what it says of its origin, and learning tasks into it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli import __version__, signals
+from qinit_cli.commands.groups import Display, Output, Work
+from qinit_cli.commands.messages import Progress, detail, note
+from qinit_cli.errors import Interrupted, UsageError
+from qinit_cli.workforce import batches, results
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Integers
+    from qinit_cli.kernels.batch import Watch
+    from store.work import Work as StoreWork
+
+    Rows = dict[str, Any]
+    Learn = Callable[[Integers, Watch], tuple[Integers, Rows]]
+
+SAVE_SECONDS = 2.0  # of learning that a power cut may cost
+SAVE_BYTES = 64 * 2**20  # that wait in memory to be saved
+
+
+@dataclass
+class Tally:
+    """What a command did, for its summary and for --json."""
+
+    tasks: int = 0
+    skipped: int = 0  # saved before
+    failed: int = 0
+    steps: int = 0
+    seconds: float = 0.0  # inside the kernels
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -> Path:
+    """Where the artefact goes: as asked with -o, else a name in the store made of what it is."""
+    if output.output is None:
+        from store.catalog import Store
+
+        return Store(Path(output.store)).path_for(kind, stem, spec)
+    path = Path(output.output)
+    if path.suffix != ".h5":
+        raise UsageError(f"-o {output.output}: an artefact's name ends in .h5")
+    return path
+
+
+def provenance(read: Path | None = None) -> dict[str, str]:
+    """The command that makes this artefact, with `-` replaced by what was read; time, versions and platform."""
+    import platform
+    from importlib.metadata import version
+
+    typed = [str(read) if argument == "-" and read is not None else argument for argument in sys.argv[1:]]
+    return {
+        "command": shlex.join(["qinit", *typed]),
+        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "qinit": __version__,
+        **{package: version(package) for package in ("numpy", "scipy", "h5py", "numba")},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+
+
+def learn_into(
+    artefact: StoreWork, count: int, learn: Learn, family: str, what: str, work: Work, display: Display
+) -> Tally:
+    """Learns the tasks 0 to `count` - 1 that the artefact lacks and saves them; the tally of it.
+
+    Interrupted after a signal, once what was finished by then is saved.
+    """
+    import numpy as np
+
+    from qinit_cli.kernels.batch import Watch
+
+    missing = np.setdiff1d(np.arange(count), artefact.saved)
+    tally = Tally(tasks=count, skipped=count - len(missing))
+    _say_what_is_there(artefact, tally, family, display)
+    watch = Watch()
+    waiting = _Waiting(artefact, tally)
+    with (
+        signals.asking_first(watch.stop) as received,
+        ThreadPoolExecutor(work.threads) as threads,
+        Progress(display, what, tally.skipped, count, watch) as progress,
+    ):
+        waiting_batches = batches(missing, work.threads)
+        learned = partial(learn, watch=watch)
+        for ids, rows in results(
+            threads, work.threads, learned, waiting_batches, lambda: watch.stopped, progress.tick
+        ):
+            waiting.add(ids, rows)
+            progress.advance(len(ids))
+        waiting.save()
+    if received:
+        raise Interrupted(
+            f"stopped: {len(artefact.saved)} of {count} tasks are saved; the same command goes on with the rest",
+            128 + received[0],
+        )
+    return tally
+
+
+def say_result(
+    path: Path, digest: str, tally: Tally, schema: str, sentence: str, output: Output, display: Display
+) -> None:
+    """The summary on stderr, then the path alone on a line, or one JSON object, on stdout."""
+    note(display, sentence)
+    if not output.json:
+        print(path, flush=True)
+        return
+    told = {
+        "schema": schema,
+        "path": str(path),
+        "digest": digest,
+        "tasks": tally.tasks,
+        "skipped": tally.skipped,
+        "failed": tally.failed,
+        "steps": tally.steps,
+        "seconds": round(tally.seconds, 6),
+        **tally.extra,
+    }
+    print(json.dumps(told, allow_nan=False), flush=True)
+
+
+def _say_what_is_there(artefact: StoreWork, tally: Tally, family: str, display: Display) -> None:
+    from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
+
+    if tally.skipped:
+        note(display, f"{tally.skipped} of {tally.tasks} tasks are saved already")
+    if artefact.set_aside:
+        note(display, f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again")
+    if statement := cache_statement():
+        note(display, statement)
+    elif needs_compiling(family.replace("-", "_")):
+        note(display, "compiling the kernels, once")
+    detail(display, f"compiled kernels: {cache_folder()}")
+
+
+class _Waiting:
+    """Finished tasks that wait to be saved together: a part file each would cost more than small tasks take to learn."""
+
+    def __init__(self, artefact: StoreWork, tally: Tally) -> None:
+        self._artefact, self._tally = artefact, tally
+        self._held: list[tuple[Integers, Rows]] = []
+        self._since = time.monotonic()
+
+    def add(self, ids: Integers, rows: Rows) -> None:
+        """Takes finished tasks, and saves once enough have come or enough time has passed."""
+        if not len(ids):
+            return
+        self._held.append((ids, rows))
+        size = sum(values.nbytes for _, held in self._held for values in held.values())
+        if size >= SAVE_BYTES or time.monotonic() - self._since >= SAVE_SECONDS:
+            self.save()
+
+    def save(self) -> None:
+        """Saves what is held."""
+        import numpy as np
+
+        if self._held:
+            ids = np.concatenate([held for held, _ in self._held])
+            names = self._held[0][1]
+            rows = {name: np.concatenate([rows[name] for _, rows in self._held]) for name in names}
+            self._artefact.save(rows, ids)
+            self._tally.steps += int(rows["steps"].sum())
+            self._tally.seconds += float(rows["seconds"].sum())
+        self._held = []
+        self._since = time.monotonic()

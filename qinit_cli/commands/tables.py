@@ -1,0 +1,119 @@
+"""Tables: rich on a terminal, TSV elsewhere, always whole; also csv, json, jsonl and markdown."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from qinit_cli.commands.groups import Display, Tabular
+from qinit_cli.commands.messages import console
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column: the key of its values in a row, and how it reads for people.
+
+    An interval has three values in a row (key, key_low, key_high): three columns for programs, one for people.
+    """
+
+    key: str
+    heading: str = ""
+    digits: int | None = None  # decimals for people; None for text and counts
+    interval: bool = False
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys of its values."""
+        return [self.key, f"{self.key}_low", f"{self.key}_high"] if self.interval else [self.key]
+
+    @property
+    def title(self) -> str:
+        """What stands above it."""
+        return self.heading or self.key.replace("_", " ")
+
+    def text(self, row: Row) -> str:
+        """The value for people."""
+        value, *bounds = (self._number(row[key]) for key in self.keys)
+        return f"{value} [{', '.join(bounds)}]" if all(bounds) and bounds else value
+
+    def _number(self, value: Any) -> str:
+        if value is None:
+            return ""
+        return f"{value:.{self.digits}f}" if self.digits is not None else str(value)
+
+
+def print_table(
+    schema: str,
+    columns: Sequence[TableColumn],
+    rows: Sequence[Row],
+    tabular: Tabular,
+    display: Display,
+    *,
+    title: str = "",
+    caption: str = "",
+    extra: Row | None = None,
+) -> None:
+    """Prints rows of plain values on stdout; None and NaN are empty, in JSON null. `extra` joins the JSON object."""
+    keys = [key for column in columns for key in column.keys]
+    plain = [{key: _plain(row[key]) for key in keys} for row in rows]
+    match tabular.chosen:
+        case "table":
+            _print_rich(columns, plain, display, title, caption)
+        case "markdown":
+            _print_markdown(columns, plain)
+        case "json":
+            print(json.dumps({"schema": schema, **(extra or {}), "rows": plain}, allow_nan=False))
+        case "jsonl":
+            for row in plain:
+                print(json.dumps({"schema": schema, **row}, allow_nan=False))
+        case separated:
+            _print_separated(keys, plain, "\t" if separated == "tsv" else ",")
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _print_rich(
+    columns: Sequence[TableColumn], rows: Sequence[Row], display: Display, title: str, caption: str
+) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        title=title or None,
+        title_justify="left",
+        caption=caption or None,
+        caption_justify="left",
+        pad_edge=False,
+    )
+    for column in columns:
+        numeric = any(isinstance(row[column.key], int | float) for row in rows)
+        table.add_column(column.title, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(column.text(row) for column in columns))
+    console(display).print(table)
+
+
+def _print_markdown(columns: Sequence[TableColumn], rows: Sequence[Row]) -> None:
+    print("| " + " | ".join(column.title for column in columns) + " |")
+    print("|" + "|".join(" --- " for _ in columns) + "|")
+    for row in rows:
+        print("| " + " | ".join(column.text(row).replace("|", "\\|") for column in columns) + " |")
+
+
+def _print_separated(keys: Sequence[str], rows: Sequence[Row], delimiter: str) -> None:
+    writer = csv.writer(sys.stdout, delimiter=delimiter, lineterminator="\n")
+    writer.writerow(keys)
+    for row in rows:
+        writer.writerow(["" if row[key] is None else row[key] for key in keys])

@@ -1,0 +1,180 @@
+"""`qinit train-sources FAMILY`: learn source tasks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from qinit_cli.commands.build import Group, add_command
+from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.errors import UsageError
+from qinit_cli.fields import check, flag, option
+from qinit_cli.learning import Learning
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.commands.making import Tally
+    from qinit_cli.stages.sources import SourceTasks
+
+ERROR_TASKS = 1_000  # the summary's error against exact tables is taken over at most this many
+
+
+@dataclass(frozen=True)
+class LearningSources:
+    """How source tasks are learned; None: as the family has it."""
+
+    tasks: int | None = option(None, "Source tasks.", low=1, metavar="N")
+    seed: int = option(0, "Root of all chance; each task has streams of its own.", low=0)
+    learner: Literal["q-learning", "exact"] = option(
+        "q-learning", "Tabular Q-learning, or exact tables by value iteration."
+    )
+    episodes: int | None = option(None, "Episodes of each task.", low=1)
+    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1)
+    alpha: float | None = option(None, "Step size.", low=0, high=1)
+    gamma: float | None = option(None, "Discount.", low=0, high=1)
+    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1)
+    start: Literal["anywhere", "fixed"] | None = option(
+        None, "Where episodes start: anywhere, or where target tasks start."
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        idle = [name for name in ("episodes", "epsilon", "start") if getattr(self, name) is not None]
+        if self.learner == "exact" and idle:
+            raise ValueError(f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out")
+
+    def learning(self, family: type[Family]) -> Learning:
+        """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
+        names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
+        asked = {name: value for name in names if (value := getattr(self, name)) is not None}
+        try:
+            return replace(family.source_learning, **asked)
+        except ValueError as error:
+            raise UsageError(f"--{error}") from error
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command, with one subcommand per family."""
+    families = typer.Typer(no_args_is_help=True)
+    app.add_typer(
+        families, name="train-sources", help="Learn source tasks of a family and save their tables; prints the path."
+    )
+    for name, family in FAMILIES.items():
+        add_command(
+            families,
+            name,
+            partial(train_sources, name),
+            {
+                "family": Group(family, "Distribution"),
+                "sources": Group(LearningSources, "Learning", _defaults(family)),
+                "output": OUTPUT,
+                "work": WORK,
+                "display": DISPLAY,
+            },
+            help=family.__doc__ or "",
+        )
+
+
+def _defaults(family: type[Family]) -> dict[str, str]:
+    learning = family.source_learning
+    names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
+    return {"tasks": str(family.source_tasks), **{name: str(getattr(learning, name)) for name in names}}
+
+
+def train_sources(
+    name: str, family: Family, sources: LearningSources, output: Output, work: Work, display: Display
+) -> None:
+    """Learns what is missing of the sources asked for, publishes them and prints their path."""
+    from qinit_cli import specs
+    from qinit_cli.commands.making import Tally, learn_into, provenance, say_result, target_path
+    from qinit_cli.stages.sources import SourceTasks, learn_sources
+    from store.reading import describe
+    from store.work import open_work
+
+    tasks = SourceTasks(family, sources.learner, sources.learning(FAMILIES[name]), sources.seed)
+    count = sources.tasks or family.source_tasks
+    spec = specs.sources(tasks, count)
+    exact = "-exact" if tasks.learner == "exact" else ""
+    target = target_path(output, "sources", f"{family.label}{exact}-{count}-seed-{tasks.seed}", spec)
+    origin = provenance()
+    with open_work(
+        target, _schema(tasks), spec, force=output.force, wait=output.wait, provenance=origin
+    ) as artefact:
+        if artefact.complete:
+            tally, sentence = Tally(count, skipped=count), f"{count} tasks: already complete"
+        else:
+            learn = partial(learn_sources, tasks)
+            tally = learn_into(artefact, count, learn, family.name, "sources", work, display)
+            artefact.finish(range(count), provenance=origin)
+            sentence = _summary(target, tasks, tally)
+    digest = describe(target).content_sha256
+    say_result(target, digest, tally, "qinit.train-sources/1", sentence, output, display)
+
+
+def _schema(tasks: SourceTasks) -> Any:
+    from store.schema import sources_schema
+
+    return sources_schema(
+        tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins
+    )
+
+
+def action_axis(family: Family) -> Any:
+    """The axis of the family's actions, labelled by their names."""
+    import numpy as np
+
+    from store.schema import Axis
+
+    return Axis("action", np.array(family.actions, dtype="S"), "", "action")
+
+
+def _summary(path: Path, tasks: SourceTasks, tally: Tally) -> str:
+    """What was learned and how well; the errors also go into the tally."""
+    import numpy as np
+
+    from store.reading import open_artefact
+
+    with open_artefact(path, "sources") as artefact:
+        solved = int(artefact.read("solved").sum())
+    learned = tally.tasks - tally.skipped
+    sentence = f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; {solved} of {tally.tasks} solved"
+    tally.extra["solved"] = solved
+    if tasks.learner == "exact" or not tasks.family.tabular:
+        return sentence
+    errors = _errors(path, tasks)
+    worst = int(np.nanargmax(np.nanmedian(errors, axis=1)))
+    tally.extra |= {
+        "error_tasks": len(errors),
+        "median_relative_error": float(np.nanmedian(errors)),
+        "worst_task": worst,
+        "worst_median_relative_error": float(np.nanmedian(errors[worst])),
+    }
+    return (
+        f"{sentence}; relative error against exact tables: median {tally.extra['median_relative_error']:.2%} over "
+        f"{len(errors)} tasks, {tally.extra['worst_median_relative_error']:.2%} in the worst, task {worst}"
+    )
+
+
+def _errors(path: Path, tasks: SourceTasks) -> Any:
+    """Relative error against the exact tables of the first tasks, (tasks, S * A)."""
+    import numpy as np
+
+    from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.seeding import Stream
+    from qinit_cli.stages.sources import relative_error
+    from store.reading import open_artefact
+
+    found: list[Any] = []
+    with open_artefact(path, "sources") as artefact:
+        for block in artefact.blocks(("q",), artefact.schema.block_size):
+            drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, block["task"])
+            q = block["q"].reshape(len(drawn), -1, len(tasks.family.actions))
+            found.append(relative_error(tasks.family, tasks.learning.gamma, drawn, q).reshape(len(drawn), -1))
+            if sum(len(errors) for errors in found) >= ERROR_TASKS:
+                break
+    return np.concatenate(found)[:ERROR_TASKS]

@@ -1,0 +1,223 @@
+"""`qinit transfer METHOD FIT`: learn target tasks from what a method starts them with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+
+import typer
+
+from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.messages import note
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.errors import UsageError
+from qinit_cli.fields import check, option, options
+from qinit_cli.learning import Learning
+from qinit_cli.methods import METHODS, Initial, Method
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.commands.making import Tally
+    from qinit_cli.fitted import Fit
+    from qinit_cli.stages.transfer import TargetTasks
+
+FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
+
+
+@dataclass(frozen=True)
+class LearningTargets:
+    """How target tasks are learned; None: as the fit's sources or the family have it."""
+
+    tasks: int | None = option(None, "Target tasks.", low=1, metavar="N")
+    seed: int = option(0, "Root of the targets' chance: every method meets the same tasks and dice.", low=0)
+    episodes: int | None = option(None, "Episodes of each task.", low=1)
+    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1)
+    alpha: float | None = option(None, "Step size.", low=0, high=1)
+    gamma: float | None = option(None, "Discount.", low=0, high=1)
+    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1)
+    shift: list[str] | None = option(
+        None,
+        "Draw targets from a changed family, such as variance=10; may be given several times.",
+        metavar="KEY=VALUE",
+    )
+    keep_q: bool = option(False, "Keep the learned tables too.")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def learning(self, family: Family, sources: dict[str, Any]) -> Learning:
+        """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
+        given = {name: sources[name] for name in FROM_SOURCES}
+        names = ("episodes", "horizon", "alpha", "gamma", "epsilon")
+        asked = {name: value for name in names if (value := getattr(self, name)) is not None}
+        try:
+            return replace(family.target_learning, **(given | asked))
+        except ValueError as error:
+            raise UsageError(f"--{error}") from error
+
+    def family(self, sources: Family) -> Family:
+        """The sources' family with the shifts made; UsageError, one sentence, where they cannot be."""
+        changes = dict(_change(sources, text) for text in self.shift or [])
+        try:
+            return sources.shifted(changes) if changes else sources
+        except ValueError as error:
+            raise UsageError(f"--shift: {error}") from error
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command, with one subcommand per method."""
+    methods = typer.Typer(no_args_is_help=True)
+    app.add_typer(
+        methods, name="transfer", help="Learn target tasks from what a method starts them with; prints the path."
+    )
+    for name, method in METHODS.items():
+        add_command(
+            methods,
+            name,
+            transfer,
+            {
+                "method": Group(method, "Method"),
+                "learning": Group(LearningTargets, "Targets", _defaults()),
+                "output": OUTPUT,
+                "work": WORK,
+                "display": DISPLAY,
+            },
+            references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
+            help=method.__doc__ or "",
+        )
+
+
+def _defaults() -> dict[str, str]:
+    tasks = ", ".join(f"{name} {family.target_tasks}" for name, family in FAMILIES.items())
+    from_family = {"tasks": f"from the family: {tasks}"}
+    for setting in ("episodes", "epsilon"):
+        values = ", ".join(
+            f"{name} {getattr(family.target_learning, setting)}" for name, family in FAMILIES.items()
+        )
+        from_family[setting] = f"from the family: {values}"
+    return from_family | dict.fromkeys(FROM_SOURCES, "from the fit")
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """A fit as it was read: what a method may use, and where it came from."""
+
+    path: Path
+    fit: Fit
+    family: Family  # of the sources
+    learning: dict[str, Any]  # of the sources
+    content_sha256: str
+
+    @classmethod
+    def read(cls, path: Path) -> Knowledge:
+        """The fit at `path`, verified."""
+        import math
+
+        from qinit_cli import specs
+        from qinit_cli.fitted import Fit
+        from store.reading import open_artefact
+
+        with open_artefact(path, "fit") as artefact:
+            sources = artefact.spec["sources"]
+            family = specs.family_of(sources)
+            names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
+            arrays = {name: artefact.read(name) for name in names}
+            fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
+            return cls(path, fit, family, sources["learning"], artefact.content_sha256)
+
+    @property
+    def given(self) -> dict[str, str]:
+        """The fit as an input of the run."""
+        return {"role": "fit", "name": self.path.stem, "content_sha256": self.content_sha256}
+
+
+def transfer(
+    fit: str, method: Method, learning: LearningTargets, output: Output, work: Work, display: Display
+) -> None:
+    """Learns what is missing of the targets asked for, publishes the run and prints its path."""
+    import numpy as np
+
+    from qinit_cli import specs
+    from qinit_cli.commands import references
+    from qinit_cli.commands.making import Tally, learn_into, provenance, say_result, target_path
+    from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
+    from store.reading import describe
+    from store.work import open_work
+
+    known = Knowledge.read(references.one(fit, output.store))
+    family = learning.family(known.family)
+    targets = TargetTasks(family, learning.learning(family, known.learning), learning.seed, learning.keep_q)
+    _say_overrides(targets.learning, known.learning, display)
+    count = learning.tasks or family.target_tasks
+    initial = method.initial(known.fit, targets.targets(np.arange(count)))
+    spec = specs.run(method, targets, count, known.content_sha256)
+    stem = f"{family.label}-{method.name}-{count}-seed-{targets.seed}"
+    target = target_path(output, "run", stem, spec)
+    origin = provenance(known.path)
+    with open_work(
+        target, _schema(targets, initial), spec, force=output.force, wait=output.wait, provenance=origin
+    ) as artefact:
+        if artefact.complete:
+            tally, sentence = Tally(count, skipped=count), f"{method.name}, {count} targets: already complete"
+        else:
+            learn = partial(learn_targets, targets, initial)
+            tally = learn_into(artefact, count, learn, family.name, method.name, work, display)
+            kept = statics(initial, family)
+            artefact.finish(range(count), statics=kept, provenance=origin, inputs=[known.given])
+            sentence = _summary(method, initial, tally)
+    tally.extra |= {"filled": initial.filled, "clipped": initial.clipped}
+    digest = describe(target).content_sha256
+    say_result(target, digest, tally, "qinit.transfer/1", sentence, output, display)
+
+
+def _change(family: Family, text: str) -> tuple[str, Any]:
+    """A field of the family and its new value, from KEY=VALUE."""
+    name, equals, value = text.partition("=")
+    name = name.strip().replace("-", "_")
+    known = {field.name: get_type_hints(type(family))[field.name] for field in options(type(family))}
+    if not equals or name not in known:
+        raise UsageError(f"--shift {text}: write KEY=VALUE, KEY one of {', '.join(sorted(known))}")
+    kinds = get_args(known[name]) or (known[name],)
+    for kind in (kind for kind in (int, float) if kind in kinds):
+        try:
+            return name, kind(value)
+        except ValueError as error:
+            raise UsageError(f"--shift {text}: {value!r} is no {kind.__name__}") from error
+    return name, value
+
+
+def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display) -> None:
+    for name in FROM_SOURCES:
+        if getattr(learning, name) != sources[name]:
+            note(display, f"{name} {getattr(learning, name)}, where the sources were learned with {sources[name]}")
+
+
+def _schema(targets: TargetTasks, initial: Initial) -> Any:
+    from qinit_cli.commands.train_sources import action_axis
+    from store.schema import run_schema
+
+    family = targets.family
+    return run_schema(
+        family.axes(),
+        action_axis(family),
+        family.parameters(),
+        targets.learning.episodes,
+        start_per_task=initial.start.ndim == 3,
+        potential_per_task=initial.potential.ndim == 2,
+        exact_values=family.tabular,
+        evaluations=0,
+        keep_q=targets.keep_q,
+    )
+
+
+def _summary(method: Method, initial: Initial, tally: Tally) -> str:
+    learned = tally.tasks - tally.skipped
+    sentence = f"{method.name}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    if initial.filled:
+        sentence += f"; {initial.filled} state-actions that no source knows were filled"
+    if initial.clipped:
+        sentence += f"; {initial.clipped} starting values were clipped to [0, 1]"
+    return sentence

@@ -1,0 +1,93 @@
+"""What every family of tasks offers: a frozen description of a distribution, from which a task is one draw.
+
+Families are dataclasses whose fields are the options of `qinit train-sources FAMILY` and what is stored. They import numpy and
+the compiled kernels inside methods only, so that help stays fast.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+
+from qinit_cli.learning import Learning
+from qinit_cli.seeding import Stream, generator
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
+    from qinit_cli.kernels.batch import Worlds
+    from store.schema import Axis, Column
+
+
+class Family(Protocol):
+    """A distribution of tasks over one state-action space: reward 1 on entering a terminal goal, else 0."""
+
+    name: ClassVar[str]
+    actions: ClassVar[tuple[str, ...]]
+    tabular: ClassVar[bool]  # Markov in its table's states: exact tables exist
+    source_tasks: ClassVar[int]
+    target_tasks: ClassVar[int]
+    source_learning: ClassVar[Learning]
+    target_learning: ClassVar[Learning]
+
+    def __init__(self, **settings: Any) -> None: ...
+
+    @property
+    def label(self) -> str:
+        """What tells this distribution from its neighbours, for names of artefacts."""
+        ...
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The state axes' lengths; S is their product."""
+        ...
+
+    def axes(self) -> tuple[Axis, ...]:
+        """The state axes."""
+        ...
+
+    def parameters(self) -> tuple[Column, ...]:
+        """What a task is made of: one column each."""
+        ...
+
+    def shifted(self, changes: dict[str, Any]) -> Self:
+        """The family with some fields changed; ValueError where tables of this family would not fit."""
+        ...
+
+    def draw(self, chance: np.random.Generator) -> tuple[Any, ...]:
+        """One task: a value for each parameter."""
+        ...
+
+    def worlds(self, tasks: Tasks) -> Worlds:
+        """The tasks as the family's compiled loop takes them."""
+        ...
+
+    def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
+        """Exact Q* and the variance of a step's target under it, (B, S, A) each; NotAllowed if not tabular."""
+        ...
+
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+        """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,); NotAllowed if not tabular."""
+        ...
+
+    def start_value(self, q: Floats) -> Floats:
+        """max_a of `q` (B, S, A) at the target start, (B,)."""
+        ...
+
+    def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper."""
+        ...
+
+    def solved(self, q: Floats, eopl: NDArray[np.int32], horizon: int) -> Flags:
+        """Whether the greedy path from the target start reaches the goal within the horizon, (B,)."""
+        ...
+
+
+def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers) -> Tasks:
+    """The tasks at these indices of a stream, (B,), one field per parameter."""
+    import numpy as np
+
+    dtype = np.dtype([(column.name, column.dtype) for column in family.parameters()])
+    drawn = [family.draw(generator(seed, stream, int(index))) for index in indices]
+    return np.array(drawn, dtype=dtype)

@@ -1,0 +1,72 @@
+"""What is known of a task distribution once its sources are fitted: the one thing a method may start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from qinit_cli.fields import check, option
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Flags, Floats, Integers
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How the sources are summarised."""
+
+    estimator: Literal["mle", "umvue", "zellner", "shen"] = option(
+        "mle", "Estimator of the log-normal mean and median; the paper's is mle. shen has no median."
+    )
+    library: int = option(
+        100, "Source tables kept whole for methods that choose among them.", low=0, metavar="K"
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Statistics of the source tables per state-action; NaN where no source has a positive value."""
+
+    mu: Floats  # (S, A) mean of ln Q
+    sigma: Floats  # (S, A) standard deviation of ln Q, ddof 0
+    lognormal_median: Floats  # (S, A) by the fit's estimator
+    lognormal_mean: Floats  # (S, A) by the fit's estimator
+    mean: Floats  # (S, A)
+    std: Floats  # (S, A), ddof 0
+    min: Floats  # (S, A)
+    max: Floats  # (S, A)
+    n: Integers  # (S, A) sources with a positive value
+    value_mean: Floats  # (S,) mean over sources of max_a Q
+    library_q: Floats  # (K, S, A)
+    library_td_var: Floats  # (K, S, A)
+    estimator: str
+
+    TABLES: ClassVar[tuple[str, ...]] = (
+        "mu",
+        "sigma",
+        "lognormal_median",
+        "lognormal_mean",
+        "mean",
+        "std",
+        "min",
+        "max",
+        "n",
+    )
+
+    @property
+    def known(self) -> Flags:
+        """Where at least one source has a positive value, (S, A)."""
+        return self.n > 0
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, Any], states: int, estimator: str) -> Fit:
+        """The fit in an artefact's arrays, whose state axes are laid out as one."""
+        flat = {name: arrays[name].reshape(states, -1) for name in cls.TABLES}
+        library = {
+            name: arrays[name].reshape(len(arrays[name]), states, -1)
+            for name in ("library_q", "library_td_var")
+        }
+        return cls(**flat, **library, value_mean=arrays["value_mean"].reshape(states), estimator=estimator)

@@ -1,0 +1,96 @@
+"""What a transfer method is, seen from the learner: a start table, a potential and policies, each with a neutral element.
+
+A method is a small frozen dataclass: its docstring's first line is the subcommand's help, its fields are the options, and
+`asdict` is what is stored. It is a function of the fit and the family alone; the privileged ones, marked so in every table,
+also read the target's parameters and return arrays with a leading target axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from qinit_cli.fields import check, option
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.fitted import Fit
+    from qinit_cli.methods.targets import Targets
+
+LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
+
+
+@dataclass(frozen=True)
+class Initial:
+    """What learning starts from."""
+
+    start: Floats  # (S, A), or (T, S, A) where it depends on the target
+    potential: Floats  # (S,), or (T, S)
+    policies: Integers  # (K, S), actions
+    filled: int  # entries of the start that no source knows
+    clipped: int  # entries of the start outside [0, 1]
+
+
+class Method:
+    """The neutral method; subclasses replace the parts they have."""
+
+    name: ClassVar[str]
+    formula: ClassVar[str]
+    privileged: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
+
+    def start(self, fit: Fit, targets: Targets) -> Floats:
+        """First values, (S, A), NaN where no source knows; zeros."""
+        import numpy as np
+
+        return np.zeros_like(fit.mean)
+
+    def potential(self, fit: Fit, targets: Targets) -> Floats:
+        """Shaping potential, (S,); zeros."""
+        import numpy as np
+
+        return np.zeros(len(fit.value_mean))
+
+    def policies(self, fit: Fit, targets: Targets) -> Integers:
+        """Source policies to choose among, (K, S); no rows."""
+        import numpy as np
+
+        return np.empty((0, len(fit.value_mean)), np.int64)
+
+    def filling(self, fit: Fit, start: Floats) -> float:
+        """What stands where no source knows a pair."""
+        return 0.0
+
+    def initial(self, fit: Fit, targets: Targets) -> Initial:
+        """The three arrays, every start filled where unknown and clipped to [0, 1], with the counts of both."""
+        import numpy as np
+
+        start = self.start(fit, targets)
+        unknown = np.isnan(start)
+        known = np.where(unknown, self.filling(fit, start), start)
+        clipped = np.clip(known, 0.0, LARGEST_RETURN)
+        return Initial(
+            start=clipped,
+            potential=self.potential(fit, targets),
+            policies=self.policies(fit, targets),
+            filled=int(unknown.sum()),
+            clipped=int((clipped != known).sum()),
+        )
+
+
+@dataclass(frozen=True)
+class Initialisation(Method):
+    """A method that is a start table alone, made from the fit."""
+
+    fallback: Literal["zero", "largest"] = option(
+        "zero", "What stands where no source knows a pair: 0, or the largest value of the table."
+    )
+
+    def filling(self, fit: Fit, start: Floats) -> float:
+        import numpy as np
+
+        if self.fallback == "zero" or np.isnan(start).all():
+            return 0.0
+        return float(np.nanmax(start))

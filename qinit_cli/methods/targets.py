@@ -1,0 +1,20 @@
+"""The target tasks that a privileged method may look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Tasks
+    from qinit_cli.environments.family import Family
+    from qinit_cli.learning import Learning
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Target tasks of one family, learned in one way."""
+
+    family: Family
+    learning: Learning
+    tasks: Tasks  # (T,)

@@ -1,0 +1,16 @@
+"""Learning from scratch, the baseline of every comparison."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from qinit_cli.methods.method import Method
+
+
+@dataclass(frozen=True)
+class Zero(Method):
+    """No transfer: every value starts at 0."""
+
+    name: ClassVar[str] = "zero"
+    formula: ClassVar[str] = "0"

@@ -1,0 +1,71 @@
+"""A run as it is compared and drawn: how one method fared on target tasks, episode by episode."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.specs import family_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from qinit_cli.arrays import Flags, Floats
+    from store.reading import Artefact
+
+
+@dataclass(frozen=True)
+class Run:
+    """Steps and goals of T target tasks over E episodes, with the settings that they were learned with."""
+
+    name: str  # the artefact's, without its ending
+    method: str
+    spec: dict[str, Any]
+    steps: NDArray[np.int32]  # (T, E)
+    reached: Flags  # (T, E)
+    v_eps: Floats | None  # (T,) value of epsilon-greedy on Q* from the start; None where no exact table exists
+    target_digest: str  # equal for runs that met the same targets: these are compared in pairs
+
+    @property
+    def gamma(self) -> float:
+        """The discount of its returns."""
+        return float(self.spec["learning"]["gamma"])
+
+    @property
+    def horizon(self) -> int:
+        """The longest an episode may take."""
+        return int(self.spec["learning"]["horizon"])
+
+    @property
+    def fit(self) -> str:
+        """The content hash of the fit it started from: one source set, one fit."""
+        return str(self.spec["inputs"][0])
+
+    @classmethod
+    def from_artefact(cls, artefact: Artefact) -> Run:
+        """The run in an artefact, every task's digest verified."""
+        spec = artefact.spec
+        names = {column.name for column in artefact.schema.task_columns}
+        drawn = [artefact.read(parameter.name) for parameter in family_of(spec).parameters()]
+        return cls(
+            name=artefact.path.stem,
+            method=spec["method"]["name"],
+            spec=spec,
+            steps=artefact.read("steps"),
+            reached=artefact.read("reached").astype(bool),
+            v_eps=artefact.read("v_eps") if "v_eps" in names else None,
+            target_digest=_target_digest(spec, [artefact.tasks, *drawn]),
+        )
+
+
+def _target_digest(spec: dict[str, Any], drawn: list[NDArray[Any]]) -> str:
+    """SHA-256 of what makes targets the same to every method: the draws, the dice's seed, and how a return is counted."""
+    from store.spec import canonical_json
+
+    met = {name: spec["learning"][name] for name in ("gamma", "episodes", "horizon", "start")}
+    digest = hashlib.sha256(canonical_json([spec["family"], spec["seed"], met]).encode())
+    for column in drawn:
+        digest.update(column.tobytes())
+    return digest.hexdigest()

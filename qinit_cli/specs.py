@@ -1,0 +1,80 @@
+"""What changes the numbers, as the plain dictionaries that the store keeps, and back: family, learning, method.
+
+An artefact's spec contains all that transfer and compare need of the stage before, so that files can travel alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.errors import NotAllowed
+from qinit_cli.learning import Learning
+from qinit_cli.methods import Method
+
+if TYPE_CHECKING:
+    from qinit_cli.fitted import FitOptions
+    from qinit_cli.stages.sources import SourceTasks
+    from qinit_cli.stages.transfer import TargetTasks
+
+ALGORITHM = 1  # raised whenever the same settings would give other numbers
+
+Spec = dict[str, Any]
+
+
+def sources(tasks: SourceTasks, count: int) -> Spec:
+    """The spec of source tasks. The exact learner has neither episodes nor exploration."""
+    return {
+        "kind": "sources",
+        "algorithm_version": ALGORITHM,
+        "family": _family(tasks.family),
+        "learner": tasks.learner,
+        "learning": exact_learning(tasks.learning) if tasks.learner == "exact" else asdict(tasks.learning),
+        "seed": tasks.seed,
+        "tasks": count,
+    }
+
+
+def exact_learning(learning: Learning) -> Spec:
+    """The settings that mean something to the exact learner; alpha is kept for the transfer that follows."""
+    return {name: value for name, value in asdict(learning).items() if name in ("alpha", "gamma", "horizon")}
+
+
+def fit(sources: Spec, inputs: list[str], options: FitOptions) -> Spec:
+    """The spec of a fit: its own settings, its inputs' content hashes and what they were learned with."""
+    return {
+        "kind": "fit",
+        "algorithm_version": ALGORITHM,
+        "inputs": inputs,
+        "sources": {name: value for name, value in sources.items() if name != "kind"},
+        **asdict(options),
+    }
+
+
+def run(method: Method, targets: TargetTasks, tasks: int, fit: str) -> Spec:
+    """The spec of a run: the method, the target distribution, how targets are learned, and the fit's content hash."""
+    return {
+        "kind": "run",
+        "algorithm_version": ALGORITHM,
+        "method": {"name": method.name, **asdict(method)},  # type: ignore[call-overload]  # a dataclass
+        "family": _family(targets.family),
+        "learning": asdict(targets.learning),
+        "seed": targets.seed,
+        "tasks": tasks,
+        "inputs": [fit],
+        "keep_q": targets.keep_q,
+    }
+
+
+def family_of(spec: Spec) -> Family:
+    """The family that a spec of sources or of a run describes; NotAllowed where this qinit does not know it."""
+    settings = dict(spec["family"])
+    name = settings.pop("name")
+    if name not in FAMILIES:
+        raise NotAllowed(f"the family {name} is not installed here; known are {', '.join(FAMILIES)}")
+    return FAMILIES[name](**settings)
+
+
+def _family(family: Family) -> Spec:
+    return {"name": family.name, **asdict(family)}  # type: ignore[call-overload]  # a dataclass

@@ -1,0 +1,133 @@
+"""Runs that met the same targets, side by side: averages, and paired differences to a baseline with their intervals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from qinit_cli.errors import NotAllowed
+from qinit_cli.methods import METHODS
+from qinit_cli.runs import Run
+from qinit_cli.seeding import Stream, generator
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+
+Metric = Literal["return", "success", "steps"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean over targets and its 95 % interval; NaN bounds where there is one target."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run against the baseline."""
+
+    label: str
+    privileged: bool
+    average: Estimate  # over all episodes
+    jumpstart: Estimate  # over the first 10 episodes
+    asymptotic: Estimate  # over the last tenth
+    steps: float  # mean of min(steps, horizon)
+    success: float  # share of episodes that reach the goal
+    difference: Estimate | None  # of averages, paired on the same targets; None without a baseline
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs that met the same targets."""
+
+    title: str
+    targets: int
+    episodes: int
+    rows: tuple[Row, ...]
+    baseline: str | None
+
+
+def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
+    """One comparison per set of shared targets, in order of appearance; `baseline` is a method or an artefact's name."""
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        met = groups.setdefault(run.target_digest, [])
+        if run.name not in {other.name for other in met}:
+            met.append(run)
+    return [_comparison(group, baseline, metric) for group in groups.values()]
+
+
+def curve(run: Run, metric: Metric) -> Floats:
+    """What the metric says of every episode, (T, E)."""
+    from qinit_cli.analysis import returns
+
+    match metric:
+        case "return":
+            return returns.discounted_returns(run.steps, run.reached, run.gamma)
+        case "success":
+            return run.reached.astype(float)
+        case "steps":
+            return returns.restricted_steps(run.steps, run.horizon)
+
+
+def labels(runs: Sequence[Run]) -> list[str]:
+    """Each run's method; where a method stands there twice, with the end of the artefact's name."""
+    count = Counter(run.method for run in runs)
+    return [run.method if count[run.method] == 1 else f"{run.method} {run.name[-8:]}" for run in runs]
+
+
+def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
+    base = _baseline(runs, baseline)
+    against = None if base is None else curve(base, metric)
+    rows = tuple(
+        _row(run, label, metric, None if run is base else against)
+        for run, label in zip(runs, labels(runs), strict=True)
+    )
+    from qinit_cli.specs import family_of
+
+    seed = runs[0].spec["seed"]
+    targets, episodes = runs[0].steps.shape
+    title = f"{family_of(runs[0].spec).label}, {targets} targets of seed {seed}, {episodes} episodes"
+    return Comparison(title, targets, episodes, rows, None if base is None else labels(runs)[runs.index(base)])
+
+
+def _baseline(runs: list[Run], baseline: str) -> Run | None:
+    """The run that the others are set against; None where there is none, NotAllowed where several could be meant."""
+    meant = [run for run in runs if baseline in (run.method, run.name)]
+    if len(meant) > 1:
+        names = ", ".join(run.name for run in meant)
+        raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")
+    return meant[0] if meant else None
+
+
+def _row(run: Run, label: str, metric: Metric, against: Floats | None) -> Row:
+    import numpy as np
+
+    from qinit_cli.analysis import intervals, returns
+
+    values = curve(run, metric)
+    summaries = [returns.average(values), returns.jumpstart(values), returns.asymptotic(values)]
+    if against is not None:
+        summaries.append(summaries[0] - returns.average(against))
+    # one stream for every row: the same resamples of targets for each method
+    chance = generator(int(run.spec["seed"]), Stream.BOOTSTRAP, 0)
+    interval = intervals.over_targets(np.stack(summaries, axis=1), chance)
+    estimates = [
+        Estimate(*(float(bound) for bound in bounds))
+        for bounds in zip(interval.estimate, interval.low, interval.high, strict=True)
+    ]
+    return Row(
+        label=label,
+        privileged=METHODS[run.method].privileged if run.method in METHODS else False,
+        average=estimates[0],
+        jumpstart=estimates[1],
+        asymptotic=estimates[2],
+        steps=float(returns.restricted_steps(run.steps, run.horizon).mean()),
+        success=float(run.reached.mean()),
+        difference=estimates[3] if against is not None else None,
+    )

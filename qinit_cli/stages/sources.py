@@ -1,0 +1,128 @@
+"""Learning source tasks: what one batch of them leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.learning import Learning
+from qinit_cli.seeding import Stream, sequence
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats, Integers, Tasks
+    from qinit_cli.kernels.batch import Watch
+
+Learner = Literal["q-learning", "exact"]
+Rows = dict[str, Any]  # column name: array with a leading task axis
+
+CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
+
+
+@dataclass(frozen=True)
+class SourceTasks:
+    """Which source tasks, and how they are learned."""
+
+    family: Family
+    learner: Learner
+    learning: Learning
+    seed: int
+
+    @property
+    def bins(self) -> int:
+        """Bins of the learning curve; 0 for the exact learner, which has none."""
+        return 0 if self.learner == "exact" else min(CURVE_BINS, self.learning.episodes)
+
+
+def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
+    """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
+    tasks = draw_tasks(sources.family, sources.seed, Stream.SOURCE_TASK, indices)
+    rows = _exact(sources, tasks) if sources.learner == "exact" else _learned(sources, tasks, indices, watch)
+    finished = rows.pop("finished")
+    tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
+    eopl = sources.family.path_lengths(tasks, kept["q"], sources.learning.horizon)
+    kept["eopl"] = eopl
+    kept["solved"] = sources.family.solved(kept["q"], eopl, sources.learning.horizon)
+    kept |= {name: tasks[name] for name in tasks.dtype.names or ()}
+    return indices[finished], shaped(kept, sources.family)
+
+
+def shaped(rows: Rows, family: Family, tables: tuple[str, ...] = ("q", "td_var", "eopl", "visits")) -> Rows:
+    """The rows with the tables' state axis (S) laid out along the family's state axes."""
+    return {
+        name: values.reshape(len(values), *family.shape, -1) if name in tables else values
+        for name, values in rows.items()
+    }
+
+
+def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
+    import time
+
+    import numpy as np
+
+    began = time.perf_counter()
+    q, td_var = sources.family.solve(tasks, sources.learning.gamma)
+    share = (time.perf_counter() - began) / max(1, len(tasks))
+    return {
+        "q": q,
+        "td_var": td_var,
+        "visits": np.zeros(q.shape, np.int64),
+        "steps": np.zeros(len(tasks), np.int64),
+        "seconds": np.full(len(tasks), share),
+        "finished": np.ones(len(tasks), bool),
+    }
+
+
+def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
+    import numpy as np
+
+    from qinit_cli.kernels.batch import Records, Start, learn
+
+    family = sources.family
+    worlds = family.worlds(tasks)
+    learned = learn(
+        worlds,
+        sources.learning,
+        Start(np.zeros((worlds.states, worlds.actions))),
+        chance(sources.seed, Stream.SOURCE_DICE, Stream.SOURCE_START, indices),
+        Records(sources.bins, visits=True, td_var=True),
+        watch,
+    )
+    episodes = bin_sizes(sources.learning.episodes, sources.bins)
+    return {
+        "q": learned.q,
+        "td_var": learned.td_var,
+        "visits": learned.visits,
+        "curve_steps": (learned.steps / episodes).astype(np.float32),
+        "curve_reached": (learned.reached / episodes).astype(np.float32),
+        "steps": learned.step_count,
+        "seconds": learned.seconds,
+        "finished": learned.finished,
+    }
+
+
+def chance(seed: int, dice: Stream, starts: Stream, indices: Integers) -> Any:
+    """The streams of a batch as the loop takes them."""
+    from qinit_cli.kernels.batch import Chance
+    from qinit_cli.kernels.dice import lane_seeds, seeds
+
+    return Chance(
+        dice=lane_seeds([sequence(seed, dice, int(index)) for index in indices]),
+        starts=seeds([sequence(seed, starts, int(index)) for index in indices]),
+    )
+
+
+def bin_sizes(episodes: int, bins: int) -> Integers:
+    """How many episodes fall into each bin, (bins,), where episode e falls into bin e * bins // episodes."""
+    import numpy as np
+
+    return np.bincount(np.arange(episodes) * bins // episodes, minlength=bins)
+
+
+def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:
+    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A)."""
+    import numpy as np
+
+    exact, _ = family.solve(tasks, gamma)
+    known = exact > 0
+    return np.where(known, np.abs(q - exact) / np.where(known, exact, 1.0), np.nan)

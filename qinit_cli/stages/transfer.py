@@ -1,0 +1,74 @@
+"""Learning target tasks from what a method starts them with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.learning import Learning
+from qinit_cli.methods import Initial, Targets
+from qinit_cli.seeding import Stream
+from qinit_cli.stages.sources import Rows, chance, shaped
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.kernels.batch import Watch
+
+
+@dataclass(frozen=True)
+class TargetTasks:
+    """Which target tasks, how they are learned, and what is kept of them."""
+
+    family: Family
+    learning: Learning
+    seed: int
+    keep_q: bool
+
+    def targets(self, indices: Integers) -> Targets:
+        """The tasks as a privileged method sees them."""
+        return Targets(
+            self.family, self.learning, draw_tasks(self.family, self.seed, Stream.TARGET_TASK, indices)
+        )
+
+
+def learn_targets(
+    targets: TargetTasks, initial: Initial, indices: Integers, watch: Watch
+) -> tuple[Integers, Rows]:
+    """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
+    import numpy as np
+
+    from qinit_cli.kernels.batch import Records, Start, learn
+
+    family, learning = targets.family, targets.learning
+    tasks = targets.targets(indices).tasks
+    learned = learn(
+        family.worlds(tasks),
+        learning,
+        Start(initial.start, initial.potential if initial.potential.any() else None),
+        chance(targets.seed, Stream.TARGET_DICE, Stream.TARGET_START, indices),
+        Records(bins=learning.episodes),
+        watch,
+    )
+    kept = learned.finished
+    rows: Rows = {
+        "steps": learned.steps[kept].astype(np.int32),
+        "reached": learned.reached[kept].astype(np.uint8),
+        "seconds": learned.seconds[kept],
+        **{name: tasks[name][kept] for name in tasks.dtype.names or ()},
+    }
+    if family.tabular:
+        exact, _ = family.solve(tasks[kept], learning.gamma)
+        rows["v_star"] = family.start_value(exact)
+        rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
+    if targets.keep_q:
+        rows["q"] = learned.q[kept]
+    return indices[kept], shaped(rows, family, ("q",))
+
+
+def statics(initial: Initial, family: Family) -> dict[str, Floats]:
+    """What a run keeps of the method's arrays, laid out along the family's state axes."""
+    return {
+        "start": initial.start.reshape(*family.shape, -1),
+        "potential": initial.potential.reshape(family.shape),
+    }
