@@ -53,15 +53,14 @@ def write(
     content = content_sha256(schema.kind, canonical_json(header.spec), ids, digests, datasets)
     _write_header(file, header, content, ids.size)
     task = Axis(TASK, ids, "1", "task id")
-    for axis in (*([task] if schema.task_columns else []), *schema.axes):
-        _write_scale(file, axis)
-    for column in schema.columns:
-        _create_column(file, schema, column, ids.size)
+    axes = (*([task] if schema.task_columns else []), *schema.axes)
+    scales = {axis.name: _write_scale(file, axis) for axis in axes}
+    written = {column.name: _create_column(file, column, scales) for column in schema.columns}
     for column in schema.static_columns:
-        file[column.name][...] = statics[column.name]
+        written[column.name][...] = statics[column.name]
     for first, rows in blocks:
         for name, values in rows.items():
-            file[name][first : first + len(values)] = values
+            written[name][first : first + len(values)] = values
     return content
 
 
@@ -112,7 +111,7 @@ def _write_header(file: h5py.File, header: Header, content: str, tasks: int) -> 
         file.attrs[name] = np.int64(number)
 
 
-def _write_scale(file: h5py.File, axis: Axis) -> None:
+def _write_scale(file: h5py.File, axis: Axis) -> h5py.Dataset:
     values = np.ascontiguousarray(axis.values, dtype=axis.values.dtype.newbyteorder("<"))
     dataset = _create(file, axis.name, values.shape, values.dtype)
     dataset[...] = values
@@ -120,16 +119,18 @@ def _write_scale(file: h5py.File, axis: Axis) -> None:
     _describe(dataset, (axis.name,), axis.unit, axis.long_name)
     if values.dtype.kind == "S":
         dataset.attrs["_Encoding"] = text("utf-8")  # so that xarray shows text labels, not bytes
+    return dataset
 
 
-def _create_column(file: h5py.File, schema: Schema, column: Column, tasks: int) -> None:
-    shape = (tasks, *schema.row_shape(column)) if column.per_task else schema.row_shape(column)
+def _create_column(file: h5py.File, column: Column, scales: Mapping[str, h5py.Dataset]) -> h5py.Dataset:
+    shape = tuple(scales[name].size for name in column.dims)
     dataset = _create(file, column.name, shape, column.little_endian)
     for position, name in enumerate(column.dims):
-        dataset.dims[position].attach_scale(file[name])
+        dataset.dims[position].attach_scale(scales[name])
     _describe(dataset, column.dims, column.unit, column.long_name)
     if not column.hashed:
         dataset.attrs["hashed"] = np.int64(0)
+    return dataset
 
 
 def _create(file: h5py.File, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> h5py.Dataset:

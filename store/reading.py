@@ -19,7 +19,7 @@ import numpy as np
 from store.digest import content_sha256, task_digests
 from store.encoding import MIN_READER, SCHEMA_VERSION
 from store.errors import Damaged, NotFound, Refused, StoreError, SystemFailed
-from store.schema import TASK, TASK_DIGEST, Array, Axis, Column, Schema
+from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema
 from store.spec import canonical_json, spec_sha256
 
 KINDS = ("sources", "fit", "run")
@@ -234,32 +234,30 @@ def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str
 
 def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[str, Array]]:
     """Schema, task ids, task digests and every dataset without a task axis."""
-    dims = {name: tuple(_text(file[name].attrs, "dims").split(" ")) for name in sorted(file)}
-    axes = tuple(_axis(file[name]) for name in dims if dims[name] == (name,) and name != TASK)
+    datasets = {name: file[name] for name in sorted(file)}
+    dims = {name: tuple(_text(dataset.attrs, "dims").split(" ")) for name, dataset in datasets.items()}
+    axes = tuple(_axis(name, datasets[name]) for name in dims if dims[name] == (name,) and name != TASK)
     names = [name for name in dims if name not in {TASK, *(axis.name for axis in axes)}]
-    schema = Schema(kind, axes, tuple(_read_column(file[name], dims[name]) for name in names))
-    for column in schema.static_columns:
-        if file[column.name].shape != schema.row_shape(column):
+    schema = Schema(kind, axes, tuple(_read_column(name, datasets[name], dims[name]) for name in names))
+    ids: Array = datasets[TASK][...] if schema.task_columns else np.empty(0, dtype=np.int64)
+    for column in schema.columns:
+        led = (ids.size,) if column.per_task else ()
+        if datasets[column.name].shape != (*led, *schema.row_shape(column)):
             raise ValueError(f"{column.name} does not fit its axes")
     statics = {axis.name: axis.values for axis in axes}
-    statics |= {column.name: file[column.name][...] for column in schema.static_columns}
-    if not schema.task_columns:
-        return schema, np.empty(0, dtype=np.int64), np.empty((0, 32), dtype=np.uint8), statics
-    ids = file[TASK][...]
-    for column in schema.task_columns:
-        if file[column.name].shape != (ids.size, *schema.row_shape(column)):
-            raise ValueError(f"{column.name} does not fit its axes")
-    return schema, ids, file[TASK_DIGEST][...], statics
+    statics |= {column.name: datasets[column.name][...] for column in schema.static_columns}
+    none = np.empty((0, DIGEST_BYTES), dtype=np.uint8)
+    return schema, ids, datasets[TASK_DIGEST][...] if schema.task_columns else none, statics
 
 
-def _axis(dataset: h5py.Dataset) -> Axis:
+def _axis(name: str, dataset: h5py.Dataset) -> Axis:
     unit, long_name = _optional_text(dataset.attrs, "units"), _optional_text(dataset.attrs, "long_name")
-    return Axis(dataset.name.removeprefix("/"), dataset[...], unit, long_name)
+    return Axis(name, dataset[...], unit, long_name)
 
 
-def _read_column(dataset: h5py.Dataset, dims: tuple[str, ...]) -> Column:
+def _read_column(name: str, dataset: h5py.Dataset, dims: tuple[str, ...]) -> Column:
     return Column(
-        dataset.name.removeprefix("/"),
+        name,
         dims,
         dataset.dtype.str,
         _optional_text(dataset.attrs, "units"),
