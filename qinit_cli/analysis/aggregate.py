@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats, Integers
 from qinit_cli.analysis.intervals import RESAMPLES, Interval, percentiles
+from qinit_cli.arrays import Floats, Integers
 
 Statistic = Callable[..., float]
 

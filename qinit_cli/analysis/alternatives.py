@@ -16,8 +16,8 @@ from typing import Protocol
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats, Integers
 from qinit_cli.analysis.normality import FEWEST_TASKS
+from qinit_cli.arrays import Flags, Floats, Integers
 
 _STEPS = 30  # of Newton's method, which needs about ten
 _SMALLEST_SPREAD = 1e-4  # of the largest value: below, all of them are the normal, and digits run out

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats
+from qinit_cli.arrays import Floats
 
 
 def anderson_darling(ordered: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats, Integers
+from qinit_cli.arrays import Floats, Integers
 
 Estimator = Callable[[Integers, Floats, Floats], Floats]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats
+from qinit_cli.arrays import Flags, Floats
 
 
 def filled(values: Floats, known: Flags, fallback: float) -> tuple[Floats, int]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats
+from qinit_cli.arrays import Floats
 
 
 @dataclass(frozen=True)

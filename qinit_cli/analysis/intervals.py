@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats, Integers
+from qinit_cli.arrays import Floats, Integers
 
 RESAMPLES = 10_000
 LEVEL = 0.95

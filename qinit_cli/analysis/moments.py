@@ -14,7 +14,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.analysis.arrays import Flags, Floats, Integers
+from qinit_cli.arrays import Flags, Floats, Integers
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats
+from qinit_cli.arrays import Floats
 
 
 def holm(p: Floats) -> Floats:

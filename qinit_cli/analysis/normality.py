@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats, Integers
 from qinit_cli.analysis.empirical_tests import anderson_darling, lilliefors
 from qinit_cli.analysis.shapiro import shapiro_wilk
+from qinit_cli.arrays import Flags, Floats, Integers
 
 FEWEST_TASKS = 8
 MOST_TASKS = 5_000  # beyond, the approximation of W's distribution was not fitted

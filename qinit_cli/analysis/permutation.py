@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats
+from qinit_cli.arrays import Floats
 
 RESAMPLES = 10_000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.analysis.arrays import Flags, Floats
+from qinit_cli.arrays import Flags, Floats
 
 JUMPSTART_EPISODES = 10
 ASYMPTOTIC_SHARE = 0.1

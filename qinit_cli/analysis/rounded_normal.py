@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats
 from qinit_cli.analysis.normality import Normality, is_testable, normality, samples
 from qinit_cli.analysis.shapiro import lack_of_fit, weights
+from qinit_cli.arrays import Flags, Floats
 
 RESAMPLES = 999
 

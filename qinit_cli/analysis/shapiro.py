@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Floats
+from qinit_cli.arrays import Floats
 
 # Royston's polynomials, lowest power first: in 1/sqrt(n) the two outer weights, in n the small samples'
 # bound, location and log scale, in ln n the larger samples' location and log scale.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats, Integers
+from qinit_cli.arrays import Flags, Floats, Integers
 
 WINDOW = 50
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.analysis.arrays import Flags, Floats, Integers
+from qinit_cli.arrays import Flags, Floats, Integers
 
 FEWEST_TASKS = 3  # two points lie on a line whatever they are
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis.arrays import Flags, Floats
 from qinit_cli.analysis.intervals import RESAMPLES, Interval, percentiles, resampled_means
+from qinit_cli.arrays import Flags, Floats
 
 
 @dataclass(frozen=True)
