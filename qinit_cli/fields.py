@@ -49,7 +49,7 @@ def flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def options(owner: type[DataclassInstance]) -> tuple[dataclasses.Field[Any], ...]:
+def options(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
     """The fields of a dataclass that were declared by `option`."""
     return tuple(field for field in dataclasses.fields(owner) if "help" in field.metadata)
 
@@ -71,5 +71,11 @@ def _check_number(field: dataclasses.Field[Any], value: float) -> None:
     if not math.isfinite(value):
         raise ValueError(f"{flag(field.name)} is {value}; it must be a finite number")
     if (low is not None and value < low) or (high is not None and value > high):
-        bounds = f"at least {low}" if high is None else f"at most {high}" if low is None else f"from {low} to {high}"
+        bounds = (
+            f"at least {low}"
+            if high is None
+            else f"at most {high}"
+            if low is None
+            else f"from {low} to {high}"
+        )
         raise ValueError(f"{flag(field.name)} is {value}; it must be {bounds}")

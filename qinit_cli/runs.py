@@ -25,7 +25,9 @@ class Run:
     spec: dict[str, Any]
     steps: NDArray[np.int32]  # (T, E)
     reached: Flags  # (T, E)
-    v_eps: Floats | None  # (T,) value of epsilon-greedy on Q* from the start; None where no exact table exists
+    v_eps: (
+        Floats | None
+    )  # (T,) value of epsilon-greedy on Q* from the start; None where no exact table exists
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
 
     @property

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
-BATCH = 16  # tasks: enough to keep every lane of the kernels busy, few enough that little is lost with a batch
+BATCH = (
+    16  # tasks: enough to keep every lane of the kernels busy, few enough that little is lost with a batch
+)
 IN_FLIGHT = 2  # batches per worker: one at work, one waiting
 TICK = 0.1  # seconds between two looks at progress
 
@@ -44,7 +46,9 @@ def results(
     running: set[Future[Result]] = set()
     try:
         while True:
-            while not stopped() and len(running) < IN_FLIGHT * jobs and (batch := next(ahead, None)) is not None:
+            while (
+                not stopped() and len(running) < IN_FLIGHT * jobs and (batch := next(ahead, None)) is not None
+            ):
                 running.add(executor.submit(learn, batch))
             if not running:
                 return

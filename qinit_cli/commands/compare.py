@@ -62,8 +62,8 @@ def compare(
         TableColumn("method"),
         TableColumn(comparing.metric, f"average {comparing.metric}", 4, interval=True),
         TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
-        TableColumn("jumpstart", "first 10", 4, interval=True),
-        TableColumn("asymptotic", "last tenth", 4, interval=True),
+        TableColumn("jumpstart", "first 10", 4, interval=True, bounds_shown=False),
+        TableColumn("asymptotic", "last tenth", 4, interval=True, bounds_shown=False),
         TableColumn("success", digits=3),
         TableColumn("restricted_steps", "steps", 1),
     ]

@@ -44,7 +44,9 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
     with open_artefact(path, "sources") as source:
         count = source.task_count
         if count < FEWEST_SOURCES:
-            raise NotAllowed(f"{path} holds {count} source task; a fit needs at least {FEWEST_SOURCES}: ask for more with --tasks")
+            raise NotAllowed(
+                f"{path} holds {count} source task; a fit needs at least {FEWEST_SOURCES}: ask for more with --tasks"
+            )
         family = specs.family_of(source.spec)
         spec = specs.fit(source.spec, [source.content_sha256], fitting)
         schema = fit_schema(family.axes(), action_axis(family), min(count, fitting.library))

@@ -23,7 +23,10 @@ class Output:
         default_text="a name made of what it is, in the store",
     )
     store: str = option(
-        "qinit-store", "The folder of artefacts, also QINIT_STORE.", default_text="./qinit-store", metavar="DIR"
+        "qinit-store",
+        "The folder of artefacts, also QINIT_STORE.",
+        default_text="./qinit-store",
+        metavar="DIR",
     )
     force: bool = option(False, "Replace an artefact of that name that has other settings.")
     wait: bool = option(False, "Wait while another process writes the same artefact.")
@@ -50,7 +53,10 @@ class Reading:
     """Where names of artefacts are looked up."""
 
     store: str = option(
-        "qinit-store", "The folder of artefacts, also QINIT_STORE.", default_text="./qinit-store", metavar="DIR"
+        "qinit-store",
+        "The folder of artefacts, also QINIT_STORE.",
+        default_text="./qinit-store",
+        metavar="DIR",
     )
 
 

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +92,10 @@ def learn_into(
         Progress(display, what, tally.skipped, count, watch) as progress,
     ):
         waiting_batches = batches(missing, work.threads)
-        learned = partial(learn, watch=watch)
+
+        def learned(batch: Integers) -> tuple[Integers, Rows]:
+            return learn(batch, watch)
+
         for ids, rows in results(
             threads, work.threads, learned, waiting_batches, lambda: watch.stopped, progress.tick
         ):
@@ -136,7 +138,10 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, family: str, display: 
     if tally.skipped:
         note(display, f"{tally.skipped} of {tally.tasks} tasks are saved already")
     if artefact.set_aside:
-        note(display, f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again")
+        note(
+            display,
+            f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again",
+        )
     if statement := cache_statement():
         note(display, statement)
     elif needs_compiling(family.replace("-", "_")):

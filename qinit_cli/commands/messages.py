@@ -11,7 +11,7 @@ from qinit_cli.commands.groups import Display
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from qinit_cli.kernels.driver import Watch
+    from qinit_cli.kernels.batch import Watch
 
 PLAIN_INTERVAL = 30.0  # seconds between lines where there is no terminal
 

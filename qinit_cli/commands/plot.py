@@ -81,7 +81,9 @@ def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading
     lines = [_curve(run, label, curving) for run, label in zip(found, labels(found), strict=True)]
     title = picture.title or family_of(found[0].spec).label
     with house_style():
-        figure = drawing.curves(lines, METRIC_LABELS[curving.metric], title, f"95 %, {len(found[0].steps)} targets")
+        figure = drawing.curves(
+            lines, METRIC_LABELS[curving.metric], title, f"95 %, {len(found[0].steps)} targets"
+        )
         save(figure, path)
     typer.echo(path)
 

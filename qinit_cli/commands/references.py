@@ -22,7 +22,9 @@ def one(reference: str, store: str) -> Path:
     """The path of a single artefact; UsageError where stdin brings several."""
     paths = many([reference], store)
     if len(paths) > 1:
-        raise UsageError(f"one artefact was expected, stdin brought {len(paths)}; run the command once for each")
+        raise UsageError(
+            f"one artefact was expected, stdin brought {len(paths)}; run the command once for each"
+        )
     return paths[0]
 
 

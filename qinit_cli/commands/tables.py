@@ -20,13 +20,15 @@ Row = dict[str, Any]
 class TableColumn:
     """One column: the key of its values in a row, and how it reads for people.
 
-    An interval has three values in a row (key, key_low, key_high): three columns for programs, one for people.
+    An interval has three values in a row (key, key_low, key_high): three columns for programs; for people the bounds
+    stand beneath the value, or are left out to keep the table narrow.
     """
 
     key: str
     heading: str = ""
     digits: int | None = None  # decimals for people; None for text and counts
     interval: bool = False
+    bounds_shown: bool = True
 
     @property
     def keys(self) -> list[str]:
@@ -41,7 +43,7 @@ class TableColumn:
     def text(self, row: Row) -> str:
         """The value for people."""
         value, *bounds = (self._number(row[key]) for key in self.keys)
-        return f"{value} [{', '.join(bounds)}]" if all(bounds) and bounds else value
+        return f"{value} [{', '.join(bounds)}]" if self.bounds_shown and any(bounds) else value
 
     def _number(self, value: Any) -> str:
         if value is None:
@@ -101,7 +103,7 @@ def _print_rich(
         numeric = any(isinstance(row[column.key], int | float) for row in rows)
         table.add_column(column.title, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(column.text(row) for column in columns))
+        table.add_row(*(column.text(row).replace(" [", "\n[") for column in columns))
     console(display).print(table)
 
 

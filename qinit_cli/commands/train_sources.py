@@ -46,7 +46,9 @@ class LearningSources:
         check(self)
         idle = [name for name in ("episodes", "epsilon", "start") if getattr(self, name) is not None]
         if self.learner == "exact" and idle:
-            raise ValueError(f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out")
+            raise ValueError(
+                f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out"
+            )
 
     def learning(self, family: type[Family]) -> Learning:
         """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
@@ -62,7 +64,9 @@ def add_to(app: typer.Typer) -> None:
     """Adds the command, with one subcommand per family."""
     families = typer.Typer(no_args_is_help=True)
     app.add_typer(
-        families, name="train-sources", help="Learn source tasks of a family and save their tables; prints the path."
+        families,
+        name="train-sources",
+        help="Learn source tasks of a family and save their tables; prints the path.",
     )
     for name, family in FAMILIES.items():
         add_command(
@@ -142,7 +146,10 @@ def _summary(path: Path, tasks: SourceTasks, tally: Tally) -> str:
     with open_artefact(path, "sources") as artefact:
         solved = int(artefact.read("solved").sum())
     learned = tally.tasks - tally.skipped
-    sentence = f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; {solved} of {tally.tasks} solved"
+    sentence = (
+        f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
+        f"{solved} of {tally.tasks} solved"
+    )
     tally.extra["solved"] = solved
     if tasks.learner == "exact" or not tasks.family.tabular:
         return sentence

@@ -71,7 +71,9 @@ def add_to(app: typer.Typer) -> None:
     """Adds the command, with one subcommand per method."""
     methods = typer.Typer(no_args_is_help=True)
     app.add_typer(
-        methods, name="transfer", help="Learn target tasks from what a method starts them with; prints the path."
+        methods,
+        name="transfer",
+        help="Learn target tasks from what a method starts them with; prints the path.",
     )
     for name, method in METHODS.items():
         add_command(
@@ -192,7 +194,10 @@ def _change(family: Family, text: str) -> tuple[str, Any]:
 def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display) -> None:
     for name in FROM_SOURCES:
         if getattr(learning, name) != sources[name]:
-            note(display, f"{name} {getattr(learning, name)}, where the sources were learned with {sources[name]}")
+            note(
+                display,
+                f"{name} {getattr(learning, name)}, where the sources were learned with {sources[name]}",
+            )
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
 

@@ -12,7 +12,6 @@ from qinit_cli.learning import Learning
 
 if TYPE_CHECKING:
     import numpy as np
-
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
@@ -36,7 +35,10 @@ class Gridworld:
         None, "Mean of the goal's row and column.", default_text="2/3 of the size", low=0
     )
     variance: float | None = option(
-        None, "Variance of the goal's row and column; the paper's are 1, 3, 5, 7, 10.", default_text="7", low=0
+        None,
+        "Variance of the goal's row and column; the paper's are 1, 3, 5, 7, 10.",
+        default_text="7",
+        low=0,
     )
     p_low: float = option(0.6, "Lowest chance that a move goes where it was meant to.", low=0.25, high=1)
     p_high: float = option(0.9, "Highest such chance; each task draws its own.", low=0.25, high=1)
@@ -157,11 +159,13 @@ class Gridworld:
             q,
             value,
         )
-        return value[:, START]
+        at_start: Floats = value[:, START]
+        return at_start
 
     def start_value(self, q: Floats) -> Floats:
         """max_a of `q` (B, S, A) at the cell (0, 0), (B,)."""
-        return q[:, START].max(axis=1)
+        values: Floats = q[:, START].max(axis=1)
+        return values
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """Expected optimal path lengths, (B, S, A); definition 1 of the paper, -1 where a path never arrives.
@@ -182,12 +186,14 @@ class Gridworld:
 
         greedy = q[:, START].argmax(axis=1)
         length = eopl[np.arange(len(q)), START, greedy]
-        return (length > 0) & (length <= horizon)
+        arrives: Flags = (length > 0) & (length <= horizon)
+        return arrives
 
     def _goals(self, tasks: Tasks) -> Integers:
         import numpy as np
 
-        return tasks["goal_row"].astype(np.int64) * self.size + tasks["goal_col"]
+        goals: Integers = tasks["goal_row"].astype(np.int64) * self.size + tasks["goal_col"]
+        return goals
 
     def _mass_on_grid(self) -> float:
         """The chance that one normal draw is on the grid and not the target start."""
@@ -198,4 +204,7 @@ class Gridworld:
         mean, deviation = self.mean or 0.0, math.sqrt(self.variance or 0.0)
         if deviation == 0:
             return float(low <= mean < high)
-        return (math.erf((high - mean) / deviation / math.sqrt(2)) - math.erf((low - mean) / deviation / math.sqrt(2))) / 2
+        return (
+            math.erf((high - mean) / deviation / math.sqrt(2))
+            - math.erf((low - mean) / deviation / math.sqrt(2))
+        ) / 2

@@ -1,11 +1,11 @@
-"""How every picture looks: one column of a paper wide, colour-blind safe, told apart in grey by dashes, the same bytes each time."""
+"""How every picture looks: one column of a paper wide, colour-blind safe, told apart in grey, the same bytes each time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import UsageError
 
@@ -18,7 +18,7 @@ WIDTH = 3.5  # inches, one column
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
 
-SETTINGS = {
+SETTINGS: dict[str, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
@@ -36,11 +36,12 @@ SETTINGS = {
 }
 
 
-def line_styles(count: int) -> list[dict[str, str]]:
+def line_styles(count: int) -> list[dict[str, Any]]:
     """Colour and dashes for each of `count` lines, no two alike up to 28."""
     colours, dashes = len(COLOURS), len(DASHES)
     return [
-        {"color": COLOURS[i % colours], "linestyle": DASHES[(i + i // colours) % dashes]} for i in range(count)
+        {"color": COLOURS[i % colours], "linestyle": DASHES[(i + i // colours) % dashes]}
+        for i in range(count)
     ]
 
 
@@ -50,7 +51,7 @@ def house_style() -> Iterator[None]:
     import matplotlib
 
     matplotlib.use("agg")
-    with matplotlib.rc_context(SETTINGS):
+    with matplotlib.rc_context(SETTINGS):  # type: ignore[arg-type]  # typed as a dict of literals
         yield
 
 

@@ -93,7 +93,9 @@ def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
     seed = runs[0].spec["seed"]
     targets, episodes = runs[0].steps.shape
     title = f"{family_of(runs[0].spec).label}, {targets} targets of seed {seed}, {episodes} episodes"
-    return Comparison(title, targets, episodes, rows, None if base is None else labels(runs)[runs.index(base)])
+    return Comparison(
+        title, targets, episodes, rows, None if base is None else labels(runs)[runs.index(base)]
+    )
 
 
 def _baseline(runs: list[Run], baseline: str) -> Run | None:

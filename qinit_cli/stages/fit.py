@@ -73,7 +73,9 @@ def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
     return {
         "mu": log_q.mean,
         "sigma": log_q.std,
-        "lognormal_median": lognormal_median(*settled, estimator) if has_median else np.full(q.n.shape, np.nan),
+        "lognormal_median": lognormal_median(*settled, estimator)
+        if has_median
+        else np.full(q.n.shape, np.nan),
         "lognormal_mean": lognormal_mean(*settled, estimator),
         "mean": q.mean,
         "std": q.std,

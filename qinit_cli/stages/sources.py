@@ -50,7 +50,7 @@ def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tupl
 def shaped(rows: Rows, family: Family, tables: tuple[str, ...] = ("q", "td_var", "eopl", "visits")) -> Rows:
     """The rows with the tables' state axis (S) laid out along the family's state axes."""
     return {
-        name: values.reshape(len(values), *family.shape, -1) if name in tables else values
+        name: values.reshape(len(values), *family.shape, len(family.actions)) if name in tables else values
         for name, values in rows.items()
     }
 
