@@ -193,9 +193,11 @@ def _lanes(count: int, states: int) -> Lanes:
         ties=np.zeros((count, states + 1), np.uint8),
         visits=visits,
         td_var=visits.view(np.float64),
-        draws=np.zeros((count, BLOCK), np.uint64),
+        draws=np.zeros(BLOCK, np.uint64),
         choices=np.zeros((count, BLOCK), np.uint16),
         time=np.zeros(count, np.int64),
+        ended=np.zeros(count, np.int64),
+        lengths=np.zeros((count, BLOCK), np.int64),
     )
 
 

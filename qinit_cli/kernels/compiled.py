@@ -57,7 +57,12 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """The function, compiled into its compiled callers."""
-    return _compile(function, {"forceinline": True})
+    return _compile(function, {"forceinline": True, "_nrt": False})
+
+
+def lean(function: Callable[..., Any]) -> Any:
+    """As `compiled`, for functions that make no array: nobody counts references to those they are given."""
+    return _compile(function, {"_nrt": False})
 
 
 def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.kernels.choices import ACTIONS, DIRECTIONS, decide
-from qinit_cli.kernels.compiled import compiled, inlined
+from qinit_cli.kernels.compiled import inlined, lean
 from qinit_cli.kernels.dice import below, draw_block, slip_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
@@ -25,10 +25,12 @@ from qinit_cli.kernels.lane import (
     TD_VAR_RATE,
     WORTH,
     WORTH_OF_POTENTIAL,
+    end_block,
+    is_idle,
     lanes_in_use,
     leave,
     make_terminal,
-    record_episode,
+    table,
     take,
 )
 from qinit_cli.kernels.vectors import add_to_entry
@@ -45,7 +47,9 @@ class World(NamedTuple):
     goal: Any  # i8 (B,)
     slips: Any  # u8 (B, 3) limits of the upper half of a draw
     start: int  # where episodes start; ANYWHERE: uniformly over the cells but the goal
-    state: Any  # i8 (L,) where the task of a lane is
+    cell: Any  # u4 (L,) where the task of a lane is
+    lane_goal: Any  # u4 (L,) where it goes
+    starts: Any  # u4 (L, BLOCK) where its next episodes start, e % BLOCK for where the e-th leads
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,9 @@ class Gridworlds:
             goal=np.ascontiguousarray(self.goal, np.int64),
             slips=slip_limit(np.stack([self.p, self.p + slip, self.p + 2 * slip], axis=1)),
             start=ANYWHERE if learning.start == "anywhere" else self.start,
-            state=np.zeros(lanes, np.int64),
+            cell=np.zeros(lanes, np.uint32),
+            lane_goal=np.zeros(lanes, np.uint32),
+            starts=np.zeros((lanes, BLOCK), np.uint32),
         )
         return advance, world
 
@@ -101,214 +107,159 @@ def neighbours(size: int) -> NDArray[np.uint32]:
     return np.stack([up, down, left, right], axis=1).astype(np.uint32).ravel()
 
 
-@compiled
+@lean
 def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
-    """Learns for that many blocks of steps in every lane, or until the batch is done; writes into `tasks` and
-    the records.
+    """Learns for that many blocks of steps in every lane, or until the batch is done.
 
-    potential f8 (B or 1, S), visits i8 (B, S, 4), td_var f8 (B, S, 4): each may be None, and then costs
-    nothing. Lanes whose task is done take the next one of the batch. Called again it goes on where it
-    stopped.
+    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 4), td_var f8 (B, S, 4):
+    each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called
+    again it goes on where it stopped.
     """
     for _ in range(blocks):
         for lane in range(len(lanes.task)):
-            task = lanes.following[0]
-            if task < len(tasks.q) and (lanes.task[lane] < 0 or tasks.finished[lanes.task[lane]]):
-                lanes.following[0] += 1
-                take(tasks, lanes, lane, task, setting.gamma, potential, visits, td_var)
-                make_terminal(lanes.rows[lane], world.goal[task])
-                world.state[lane] = _start(world, tasks, task)
+            if is_idle(tasks, lanes, lane):
+                take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
+                _place(world, tasks, lanes, lane)
         count = lanes_in_use(tasks, lanes)
-        if count == 0:
-            return
         for place in range(count):
             lane = lanes.order[place]
             task = lanes.task[lane]
-            draw_block(tasks.dice[task], lanes.draws[lane])
-            decide(
-                lanes.draws[lane], setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane]
+            draw_block(tasks.dice[task], lanes.draws)
+            decide(lanes.draws, setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane])
+        fours = count // 4 * 4
+        for place in range(0, fours, 4):
+            _learn_in_four(
+                lanes.order[place : place + 4], world, setting, tasks, lanes, potential, visits, td_var
             )
-        place = 0
-        while count - place >= 4:
-            _four_lanes(place, world, setting, tasks, lanes, potential, visits, td_var)
-            place += 4
-        while place < count:
-            _one_lane(place, world, setting, tasks, lanes, potential, visits, td_var)
-            place += 1
+        for place in range(fours, count):
+            _learn_in_one(lanes.order[place], world, setting, tasks, lanes, potential, visits, td_var)
+        for place in range(count):
+            lane = lanes.order[place]
+            first = tasks.episode[lanes.task[lane]]
+            end_block(tasks, lanes, lane, setting.episodes)
+            _draw_starts(world, tasks, lanes, lane, first, lanes.ended[lane])
+        if count == 0:
+            return
 
 
-@compiled
-def _four_lanes(place, world, setting, tasks, lanes, potential, visits, td_var):
-    """A block of steps in four lanes, `place` and the three after it in `lanes.order`, in turn: while one
-    waits another goes on."""
-    neighbours, alpha, gamma, horizon = world.neighbours, setting.alpha, setting.gamma, setting.horizon
-    a, b, c, d = lanes.order[place], lanes.order[place + 1], lanes.order[place + 2], lanes.order[place + 3]
-    rows_a, ties_a, counts_a, spreads_a = lanes.rows[a], lanes.ties[a], lanes.visits[a], lanes.td_var[a]
-    rows_b, ties_b, counts_b, spreads_b = lanes.rows[b], lanes.ties[b], lanes.visits[b], lanes.td_var[b]
-    rows_c, ties_c, counts_c, spreads_c = lanes.rows[c], lanes.ties[c], lanes.visits[c], lanes.td_var[c]
-    rows_d, ties_d, counts_d, spreads_d = lanes.rows[d], lanes.ties[d], lanes.visits[d], lanes.td_var[d]
+@lean
+def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var):
+    """A block of steps in four lanes: while one waits for its last step, the others go on."""
+    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
+    a, b, c, d = four[0], four[1], four[2], four[3]
+    moves = world.neighbours
+    table_a, table_b, table_c, table_d = table(lanes, a), table(lanes, b), table(lanes, c), table(lanes, d)
     choices_a, choices_b, choices_c, choices_d = (
         lanes.choices[a],
         lanes.choices[b],
         lanes.choices[c],
         lanes.choices[d],
     )
-    goal_a, goal_b = np.uint32(world.goal[lanes.task[a]]), np.uint32(world.goal[lanes.task[b]])
-    goal_c, goal_d = np.uint32(world.goal[lanes.task[c]]), np.uint32(world.goal[lanes.task[d]])
-    state_a, state_b = np.uint32(world.state[a]), np.uint32(world.state[b])
-    state_c, state_d = np.uint32(world.state[c]), np.uint32(world.state[d])
+    goal_a, goal_b, goal_c, goal_d = (
+        world.lane_goal[a],
+        world.lane_goal[b],
+        world.lane_goal[c],
+        world.lane_goal[d],
+    )
+    cell_a, cell_b, cell_c, cell_d = world.cell[a], world.cell[b], world.cell[c], world.cell[d]
     time_a, time_b, time_c, time_d = lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d]
     for step in range(BLOCK):
-        state_a = _step(
-            choices_a[step],
-            state_a,
-            rows_a,
-            ties_a,
-            counts_a,
-            spreads_a,
-            neighbours,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        state_b = _step(
-            choices_b[step],
-            state_b,
-            rows_b,
-            ties_b,
-            counts_b,
-            spreads_b,
-            neighbours,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        state_c = _step(
-            choices_c[step],
-            state_c,
-            rows_c,
-            ties_c,
-            counts_c,
-            spreads_c,
-            neighbours,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        state_d = _step(
-            choices_d[step],
-            state_d,
-            rows_d,
-            ties_d,
-            counts_d,
-            spreads_d,
-            neighbours,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
+        cell_a = _step(choices_a[step], cell_a, table_a, moves, alpha, gamma, potential, visits, td_var)
+        cell_b = _step(choices_b[step], cell_b, table_b, moves, alpha, gamma, potential, visits, td_var)
+        cell_c = _step(choices_c[step], cell_c, table_c, moves, alpha, gamma, potential, visits, td_var)
+        cell_d = _step(choices_d[step], cell_d, table_d, moves, alpha, gamma, potential, visits, td_var)
         time_a += 1
         time_b += 1
         time_c += 1
         time_d += 1
-        if state_a == goal_a or time_a == horizon:
-            state_a = _next_episode(
-                a, time_a, state_a == goal_a, world, setting, tasks, lanes, visits, td_var
-            )
+        if cell_a == goal_a or time_a == horizon:
+            cell_a = _end(a, time_a, cell_a == goal_a, world, setting, tasks, lanes, visits, td_var)
             time_a = 0
-        if state_b == goal_b or time_b == horizon:
-            state_b = _next_episode(
-                b, time_b, state_b == goal_b, world, setting, tasks, lanes, visits, td_var
-            )
+        if cell_b == goal_b or time_b == horizon:
+            cell_b = _end(b, time_b, cell_b == goal_b, world, setting, tasks, lanes, visits, td_var)
             time_b = 0
-        if state_c == goal_c or time_c == horizon:
-            state_c = _next_episode(
-                c, time_c, state_c == goal_c, world, setting, tasks, lanes, visits, td_var
-            )
+        if cell_c == goal_c or time_c == horizon:
+            cell_c = _end(c, time_c, cell_c == goal_c, world, setting, tasks, lanes, visits, td_var)
             time_c = 0
-        if state_d == goal_d or time_d == horizon:
-            state_d = _next_episode(
-                d, time_d, state_d == goal_d, world, setting, tasks, lanes, visits, td_var
-            )
+        if cell_d == goal_d or time_d == horizon:
+            cell_d = _end(d, time_d, cell_d == goal_d, world, setting, tasks, lanes, visits, td_var)
             time_d = 0
-    world.state[a], world.state[b], world.state[c], world.state[d] = state_a, state_b, state_c, state_d
+    world.cell[a], world.cell[b], world.cell[c], world.cell[d] = cell_a, cell_b, cell_c, cell_d
     lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d] = time_a, time_b, time_c, time_d
 
 
-@compiled
-def _one_lane(place, world, setting, tasks, lanes, potential, visits, td_var):
-    """A block of steps in one lane, `place` in `lanes.order`."""
-    neighbours, alpha, gamma, horizon = world.neighbours, setting.alpha, setting.gamma, setting.horizon
-    lane = lanes.order[place]
-    rows, ties, counts, spreads = lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane]
-    choices, goal = lanes.choices[lane], np.uint32(world.goal[lanes.task[lane]])
-    state, time = np.uint32(world.state[lane]), lanes.time[lane]
+@lean
+def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var):
+    """A block of steps in one lane."""
+    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
+    own, choices, moves, goal = (
+        table(lanes, lane),
+        lanes.choices[lane],
+        world.neighbours,
+        world.lane_goal[lane],
+    )
+    cell, time = world.cell[lane], lanes.time[lane]
     for step in range(BLOCK):
-        state = _step(
-            choices[step],
-            state,
-            rows,
-            ties,
-            counts,
-            spreads,
-            neighbours,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
+        cell = _step(choices[step], cell, own, moves, alpha, gamma, potential, visits, td_var)
         time += 1
-        if state == goal or time == horizon:
-            state = _next_episode(lane, time, state == goal, world, setting, tasks, lanes, visits, td_var)
+        if cell == goal or time == horizon:
+            cell = _end(lane, time, cell == goal, world, setting, tasks, lanes, visits, td_var)
             time = 0
-    world.state[lane], lanes.time[lane] = state, time
+    world.cell[lane], lanes.time[lane] = cell, time
 
 
 @inlined
-def _step(choice, state, rows, ties, counts, spreads, neighbours, alpha, gamma, potential, visits, td_var):
+def _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var):
     """One step of Q-learning: the cell it leads to. The row, ties and tallies are brought up to date."""
-    choice = choice | ties[state]
+    choice = choice | own.ties[cell]
     action = ACTIONS[choice]
-    after = neighbours[4 * state + DIRECTIONS[choice]]
-    row = ROW * state
-    target = rows[ROW * after + WORTH]
+    after = moves[4 * cell + DIRECTIONS[choice]]
+    row = ROW * cell
+    target = own.rows[ROW * after + WORTH]
     if potential is not None:
-        target = target + rows[ROW * after + WORTH_OF_POTENTIAL] - rows[row + POTENTIAL]
-    error = target - rows[row + action]
-    best, tied = add_to_entry(rows, row, action, alpha * error)
-    rows[row + WORTH] = gamma * best
-    ties[state] = tied
+        target = target + own.rows[ROW * after + WORTH_OF_POTENTIAL] - own.rows[row + POTENTIAL]
+    error = target - own.rows[row + action]
+    best, tied = add_to_entry(own.rows, row, action, alpha * error)
+    own.rows[row + WORTH] = gamma * best
+    own.ties[cell] = tied
     if visits is not None:
-        counts[row + action] += 1
+        own.visits[row + action] += 1
     if td_var is not None:
-        spread = spreads[row + TD_VAR + action]
-        spreads[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
+        spread = own.td_var[row + TD_VAR + action]
+        own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
     return after
 
 
-@compiled
-def _next_episode(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
-    """Where the lane's next episode starts; the one that ended is recorded, and a task that is done leaves
-    its results."""
+@inlined
+def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
+    """Notes an episode's length; the cell where the next one starts."""
+    episode = lanes.ended[lane]
+    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
+    lanes.ended[lane] = episode + 1
+    if episode + 1 == setting.episodes:
+        leave(tasks, lanes, lane, visits, td_var)
+    return world.starts[lane, episode % BLOCK]
+
+
+@lean
+def _place(world, tasks, lanes, lane):
+    """Gets a task's goal and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
-    if not tasks.finished[task]:
-        record_episode(tasks, task, length, reached, setting.episodes)
-        if tasks.episode[task] == setting.episodes:
-            leave(tasks, lanes, lane, visits, td_var)
-            tasks.finished[task] = True
-    return _start(world, tasks, task)
+    make_terminal(lanes.rows[lane], world.goal[task])
+    world.lane_goal[lane] = world.goal[task]
+    world.cell[lane] = _start(world, tasks, task)
+    _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
 
 
-@compiled
+@lean
+def _draw_starts(world, tasks, lanes, lane, first, end):
+    """Replaces the starts that episodes `first` to `end` - 1 left for: each episode of the next block has its
+    own."""
+    for episode in range(first, end):
+        world.starts[lane, episode % BLOCK] = _start(world, tasks, lanes.task[lane])
+
+
+@inlined
 def _start(world, tasks, task):
     """The cell where an episode starts; anywhere: uniform over the cells but the goal, without rejection."""
     if world.start != ANYWHERE:

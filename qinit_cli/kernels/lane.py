@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.kernels.compiled import compiled
+from qinit_cli.kernels.compiled import inlined, lean
 
-BLOCK = 256  # steps between two looks at the lane: draws are made, and tasks change places, only there
+BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
 ROW = 8
 WORTH, WORTH_OF_POTENTIAL, POTENTIAL = 4, 5, 6  # places in a row after the values
 TD_VAR = 4  # place in a row of tallies after the visits
@@ -47,8 +47,8 @@ class Tasks(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Working memory, L lanes. The last state of a row-table is a place for families whose goal is no state
-    of the table."""
+    """Working memory, L lanes. Tables have a state more: families whose goal is no state of theirs put it
+    there."""
 
     task: Any  # i8 (L,) who learns there; -1: nobody
     order: Any  # i8 (L,) the lanes in use come first
@@ -57,14 +57,41 @@ class Lanes(NamedTuple):
     ties: Any  # u1 (L, S + 1)
     visits: Any  # i8 (L, (S + 1) * ROW), visits in places 0 to 3
     td_var: Any  # f8, the same memory, td_var in places 4 to 7
-    draws: Any  # u8 (L, BLOCK)
+    draws: Any  # u8 (BLOCK,)
     choices: Any  # u2 (L, BLOCK)
     time: Any  # i8 (L,) steps in the current episode
+    ended: Any  # i8 (L,) episodes of the task that have ended
+    lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
 
 
-@compiled
-def take(tasks, lanes, lane, task, gamma, potential, visits, td_var):
-    """Puts a task into a lane: its table, potential, visits and td_var; an episode is about to start."""
+class Table(NamedTuple):
+    """The tables of one lane."""
+
+    rows: Any  # f8 ((S + 1) * ROW,)
+    ties: Any  # u1 (S + 1,)
+    visits: Any  # i8 ((S + 1) * ROW,)
+    td_var: Any  # f8, the same memory
+
+
+@inlined
+def table(lanes, lane):
+    """The tables of a lane."""
+    return Table(lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane])
+
+
+@lean
+def is_idle(tasks, lanes, lane):
+    """True if nobody learns in the lane, or nobody any more, and a task of the batch still waits."""
+    task = lanes.task[lane]
+    return lanes.following[0] < len(tasks.q) and (task < 0 or tasks.finished[task])
+
+
+@lean
+def take(tasks, lanes, lane, gamma, potential, visits, td_var):
+    """Puts the next task into the lane: its table, potential, visits and td_var; an episode is about to
+    start."""
+    task = lanes.following[0]
+    lanes.following[0] += 1
     rows, ties = lanes.rows[lane], lanes.ties[lane]
     counts, spreads = lanes.visits[lane], lanes.td_var[lane]
     states, actions = tasks.q.shape[1], tasks.q.shape[2]
@@ -91,9 +118,10 @@ def take(tasks, lanes, lane, task, gamma, potential, visits, td_var):
                 spreads[row + TD_VAR + action] = td_var[task, state, action]
     lanes.task[lane] = task
     lanes.time[lane] = 0
+    lanes.ended[lane] = 0
 
 
-@compiled
+@lean
 def make_terminal(rows, state):
     """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever the potential's
     array says."""
@@ -101,7 +129,7 @@ def make_terminal(rows, state):
     rows[ROW * state + WORTH_OF_POTENTIAL] = 0.0
 
 
-@compiled
+@lean
 def leave(tasks, lanes, lane, visits, td_var):
     """Writes what the lane's task has learned back to the batch; what the lane does with it afterwards is
     lost."""
@@ -117,18 +145,26 @@ def leave(tasks, lanes, lane, visits, td_var):
                 td_var[task, state, action] = spreads[row + TD_VAR + action]
 
 
-@compiled
-def record_episode(tasks, task, length, reached, episodes):
-    """Adds an episode that ended to its bin of the learning curve; bin e * bins // episodes for the e-th."""
-    episode = tasks.episode[task]
-    place = episode * tasks.steps.shape[1] // episodes
-    tasks.steps[task, place] += length
-    tasks.reached[task, place] += reached
-    tasks.step_count[task] += length
-    tasks.episode[task] = episode + 1
+@lean
+def end_block(tasks, lanes, lane, episodes):
+    """Adds the episodes that ended to their bins of the learning curve: bin e * bins // episodes for the
+    e-th.
+
+    Those after the task's last are nobody's: the rest of its last block is learned for nothing.
+    """
+    task = lanes.task[lane]
+    bins = tasks.steps.shape[1]
+    for episode in range(tasks.episode[task], min(lanes.ended[lane], episodes)):
+        length = lanes.lengths[lane, episode % BLOCK]
+        place = episode * bins // episodes
+        tasks.steps[task, place] += abs(length)
+        tasks.reached[task, place] += length > 0
+        tasks.step_count[task] += abs(length)
+    tasks.episode[task] = min(lanes.ended[lane], episodes)
+    tasks.finished[task] = tasks.episode[task] == episodes
 
 
-@compiled
+@lean
 def lanes_in_use(tasks, lanes):
     """How many lanes hold an unfinished task; those come first in `lanes.order`."""
     count, rest = 0, len(lanes.task)

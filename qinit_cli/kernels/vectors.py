@@ -97,10 +97,12 @@ def add_to_entry(typing: Any, table: Any, row: Any, entry: Any, change: Any) -> 
         entry, change = arguments[2:]
         place = _place(context, builder, signature, arguments, _ROW)
         before = builder.load(place, align=8)
-        chosen = builder.icmp_unsigned(
-            "==", _spread(builder, entry, _ENTRIES), ir.Constant(_ENTRIES, [0, 1, 2, 3])
-        )
-        after = builder.select(chosen, builder.fadd(before, _spread(builder, change, _ROW)), before)
+        order = ir.Constant(_ENTRIES, [0, 1, 2, 3])
+        chosen = builder.icmp_unsigned("==", _spread(builder, entry, _ENTRIES), order)
+        # -0.0 changes no number it is added to; choosing between rows instead would become a masked store, which
+        # the next load of the row has to wait for
+        nothing = ir.Constant(_ROW, [-0.0] * WIDTH)
+        after = builder.fadd(before, builder.select(chosen, _spread(builder, change, _ROW), nothing))
         builder.store(after, place, align=8)
         best = _larger(builder, _larger(builder, after, [1, 0, 3, 2]), [2, 3, 0, 1])
         equal = builder.bitcast(builder.fcmp_ordered("==", after, best), ir.IntType(WIDTH))
