@@ -1,0 +1,47 @@
+# Two commands do everything on a fresh machine with Python >= 3.11: `make demo` and `make test`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := demo
+
+.PHONY: demo test soak check format clean
+
+demo: $(VENV)/.installed ## sources, a fit, three transfers, a comparison and a picture
+	PATH="$(abspath $(BIN)):$$PATH" sh tests/demo.sh $(DEMO)
+
+test: $(VENV)/.test ## the tests
+	$(BIN)/python -m pytest
+
+soak: $(VENV)/.test ## long soak and fault-injection runs
+	$(BIN)/python -m pytest -m soak
+
+check: $(VENV)/.test $(VENV)/.check ## format, lint and types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: $(VENV)/.check
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf $(VENV) $(DEMO) build *.egg-info
+
+$(VENV)/.created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "qinit needs Python >= 3.11; name one with make PYTHON=python3.12" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.installed: pyproject.toml $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/.test: pyproject.toml $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@ $(VENV)/.installed
+
+$(VENV)/.check: pyproject.toml $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --editable '.[check]'
+	touch $@
