@@ -1,0 +1,90 @@
+"""A disk whose operations can be counted and broken, before they happen, halfway or after."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+from store.disk import Disk
+
+CHANGES = (
+    "make the directory",
+    "open the lock",
+    "create",
+    "reserve room for",
+    "write",
+    "cut to size",
+    "flush to the disk",
+    "close",
+    "flush the directory",
+    "link",
+    "rename to",
+    "remove",
+    "remove the directory",
+)
+
+
+class Killed(BaseException):
+    """Stands for the process ending: nothing catches it."""
+
+
+class Breakable(Disk):
+    """Breaks operation number `at` (from 0) and, as a dead process would, does nothing afterwards."""
+
+    def __init__(self, at=None, when="before", trouble=None):
+        self.at = at
+        self.when = when
+        self.trouble = Killed("killed") if trouble is None else trouble
+        self.done = []  # (operation, file name) of everything that was tried
+        self.dead = False
+
+    def attempt(self, operation, path, call):
+        if self.dead:
+            raise Killed("dead already")
+        number = len(self.done)
+        self.done.append((operation, path.name))
+        if number != self.at:
+            return call()
+        self.dead = isinstance(self.trouble, Killed)
+        if self.when == "after":
+            call()
+        raise self.trouble
+
+    def write(self, descriptor, path, content, offset):
+        if self.when == "middle" and len(self.done) == self.at and not self.dead:
+            os.pwrite(descriptor, content[: len(content) // 2], offset)
+        return super().write(descriptor, path, content, offset)
+
+
+class ShortWrites(Disk):
+    """Takes at most seven bytes at a time, as a system may."""
+
+    def write(self, descriptor, path, content, offset):
+        return super().write(descriptor, path, content[:7], offset)
+
+
+class Full(Disk):
+    """Has room for `room` bytes, then the disk is full."""
+
+    def __init__(self, room, operations=("write", "reserve room for")):
+        self.room = room
+        self.operations = operations
+
+    def write(self, descriptor, path, content, offset):
+        written = super().write(descriptor, path, content, offset)
+        self.room -= written
+        return written
+
+    def attempt(self, operation, path, call):
+        if operation == "reserve room for":
+            self.room_at_reserve = self.room
+        if operation in self.operations and self.room <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return call()
+
+
+def count_operations(make):
+    """Every (operation, file name) that `make(disk)` asks of the disk, in order."""
+    disk = Breakable()
+    make(disk)
+    return disk.done

@@ -1,0 +1,103 @@
+"""Small schemas and made-up tasks: what a learner would hand to the store, without learning."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from store.schema import Axis, Column, Schema, fit_schema, run_schema, sources_schema
+from store.work import open_work
+
+ROW = Axis("row", np.arange(3))
+COL = Axis("col", np.arange(3))
+ACTION = Axis("action", np.array([b"up", b"down", b"left", b"right"]))
+PARAMETERS = (
+    Column("goal_row", ("task",), "i4"),
+    Column("goal_col", ("task",), "i4"),
+    Column("p", ("task",), "f8"),
+)
+
+SOURCES = sources_schema((ROW, COL), ACTION, PARAMETERS, 5)
+
+
+def spec_for(tasks=6, **changed):
+    family = {"name": "gridworld", "size": 3, "variance": 7.0}
+    return {"family": family, "learning": {"alpha": 0.1}, "seed": 0, "tasks": tasks, **changed}
+
+
+def rows_for(ids, schema=SOURCES):
+    """Every given task column of the tasks `ids`; a task's numbers depend on its id alone."""
+    tables = [one_task(int(number), schema) for number in ids]
+    return {name: np.stack([table[name] for table in tables]) for name in tables[0]} if tables else {}
+
+
+def one_task(number, schema=SOURCES):
+    rng = np.random.default_rng([number, 1])
+    task = {}
+    for column in schema.task_columns:
+        if column.given:
+            values = rng.random(schema.row_shape(column)) * 100
+            task[column.name] = np.asarray(values).astype(column.dtype)
+    return task
+
+
+def statics_for(schema):
+    rng = np.random.default_rng(5)
+    return {
+        column.name: (rng.random(schema.row_shape(column)) * 100).astype(column.dtype)
+        for column in schema.static_columns
+    }
+
+
+def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, disk=None, **how):
+    """An artefact made as a stage would make it: the tasks that are not saved, batch by batch."""
+    spec = spec_for(tasks) if spec is None else spec
+    more = {} if disk is None else {"disk": disk}
+    provenance = {"command": f"qinit train-sources gridworld --tasks {tasks}"}
+    with open_work(path, schema, spec, provenance=provenance, **more, **how) as work:
+        if work.complete:
+            return work.target
+        ids = np.arange(tasks) if order is None else np.asarray(order)
+        left = ids[~np.isin(ids, work.saved)]
+        for first in range(0, left.size, batch):
+            some = left[first : first + batch]
+            work.save(rows_for(some, schema), some)
+        return work.finish(np.arange(tasks), {}, provenance, [])
+
+
+def make_fit(path, seed=0, inputs=()):
+    schema = fit_schema((ROW, COL), ACTION, 3)
+    with open_work(path, schema, {"estimator": "mle", "seed": seed}) as work:
+        if work.complete:
+            return work.target
+        return work.finish(None, statics_for(schema), {"command": "qinit fit"}, list(inputs))
+
+
+def make_run(path, tasks=4, episodes=8, keep_q=True):
+    schema = run_schema(
+        (ROW, COL),
+        ACTION,
+        PARAMETERS,
+        episodes,
+        start_per_task=False,
+        potential_per_task=True,
+        exact_values=True,
+        evaluations=2,
+        keep_q=keep_q,
+    )
+    with open_work(path, schema, {"method": "zero", "tasks": tasks}) as work:
+        ids = np.arange(tasks)
+        work.save(rows_for(ids, schema), ids)
+        return work.finish(ids, statics_for(schema), {"command": "qinit transfer zero"}, [])
+
+
+def narrow_schema(length):
+    """Tasks of one column of `length` * 8 bytes: for tests of size, and where a thousand artefacts are made."""
+    return Schema("sources", (Axis("place", np.arange(length)), SOURCES.axes[-1]), NARROW)
+
+
+NARROW = (
+    Column("q", ("task", "place"), "f8"),
+    *(column for column in SOURCES.columns if column.name == "task_digest"),
+)
+
+LIGHT = narrow_schema(4)

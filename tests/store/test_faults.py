@@ -1,0 +1,209 @@
+"""Every operation on the disk broken: before it, in its middle, after it; by a kill, an error or a signal."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import numpy as np
+import pytest
+from breakable import Breakable, Full, Killed, ShortWrites, count_operations
+from fakes import LIGHT, make_sources, rows_for, spec_for
+
+from store.disk import Disk
+from store.errors import SystemFailed
+from store.folder import work_folder
+from store.reading import describe
+from store.work import open_work
+
+
+def make_light(path, **how):
+    return make_sources(path, schema=LIGHT, **how)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "store" / "a.h5"
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory):
+    """The content hash of the six tasks made in one go."""
+    return describe(make_light(tmp_path_factory.mktemp("straight") / "a.h5")).content_sha256
+
+
+def make(path):
+    return lambda disk: make_light(path, batch=3, disk=disk)
+
+
+def kills(operations):
+    """(number, when) of every state a kill can leave; after one operation is before the next."""
+    for at, (operation, _) in enumerate(operations):
+        yield at, "before"
+        if operation == "write":
+            yield at, "middle"
+    yield len(operations) - 1, "after"
+
+
+def test_killed_at_any_operation_the_same_command_ends_with_the_same_content(tmp_path, straight):
+    operations = count_operations(make(tmp_path / "count.h5"))
+    assert len(operations) > 25
+    for at, when in kills(operations):
+        path = tmp_path / f"{when}{at}" / "a.h5"
+        with pytest.raises(Killed):
+            make(path)(Breakable(at, when))
+        assert not path.exists() or describe(path).content_sha256 == straight
+        make_light(path)
+        assert describe(path).content_sha256 == straight, operations[at]
+        assert [one.name for one in path.parent.iterdir()] == ["a.h5"], operations[at]
+
+
+def test_killed_at_any_operation_of_a_growth_the_old_or_the_new_is_whole(tmp_path):
+    def grow(path):
+        return lambda disk: make_light(path, tasks=4, disk=disk)
+
+    old = make_light(tmp_path / "old.h5", tasks=2).read_bytes()
+    new = make_light(tmp_path / "new.h5", tasks=4).read_bytes()
+    (tmp_path / "count.h5").write_bytes(old)
+    for at, when in kills(count_operations(grow(tmp_path / "count.h5"))):
+        path = tmp_path / f"{when}{at}.h5"
+        path.write_bytes(old)
+        with pytest.raises(Killed):
+            grow(path)(Breakable(at, when))
+        assert path.read_bytes() in (old, new)
+        make_light(path, tasks=4)
+        assert path.read_bytes() == new
+        assert not work_folder(path).exists()
+
+
+def report(path, disk, reported):
+    with open_work(path, LIGHT, spec_for(), disk=disk) as work:
+        for some in ([0, 1, 2], [3, 4, 5]):
+            work.save(rows_for(some, LIGHT), np.array(some))
+            reported += some
+        work.finish(np.arange(6))
+
+
+def test_what_was_reported_as_saved_is_there_after_a_kill_at_any_later_operation(tmp_path):
+    operations = count_operations(make(tmp_path / "count.h5"))
+    for at in range(len(operations)):
+        path = tmp_path / str(at) / "a.h5"
+        reported = []
+        with pytest.raises(Killed):
+            report(path, Breakable(at), reported)
+        with open_work(path, LIGHT, spec_for()) as work:
+            assert set(reported) <= set(work.saved.tolist()), operations[at]
+
+
+@pytest.mark.parametrize("reason", [errno.ENOSPC, errno.EIO, errno.EACCES, errno.EROFS, errno.EDQUOT])
+def test_a_failing_operation_is_reported_and_the_same_command_goes_on(tmp_path, straight, reason):
+    operations = count_operations(make(tmp_path / "count.h5"))
+    for at in range(len(operations)):
+        path = tmp_path / f"{at}" / "a.h5"
+        with pytest.raises(SystemFailed, match=os.strerror(reason)):
+            make(path)(Breakable(at, trouble=OSError(reason, os.strerror(reason))))
+        make_light(path)
+        assert describe(path).content_sha256 == straight, operations[at]
+
+
+def written(make):
+    """The bytes that `make(disk)` writes, up to the final file and in all."""
+    disk = Full(room=0, operations=())
+    make(disk)
+    return -disk.room_at_reserve, -disk.room
+
+
+def test_a_full_disk_keeps_the_parts_and_says_where(path, straight):
+    parts, _ = written(make(path.with_name("count.h5")))
+    with pytest.raises(SystemFailed, match=r"No space left.*3 tasks are kept in .*\.a\.h5\.work"):
+        make(path)(Full(room=parts // 3))
+    with open_work(path, LIGHT, spec_for()) as work:
+        assert work.saved.tolist() == [0, 1, 2]
+    make_light(path)
+    assert describe(path).content_sha256 == straight
+
+
+@pytest.mark.parametrize("tenths", range(10))
+def test_a_disk_that_fills_while_hdf5_writes_is_reported_and_harms_nothing(tmp_path, tenths):
+    parts, total = written(lambda disk: make_sources(tmp_path / "whole.h5", disk=disk))
+    path = tmp_path / "a.h5"
+    with pytest.raises(SystemFailed, match="No space left"):
+        make_sources(path, disk=Full(parts + 1 + (total - parts) * tenths // 10, operations=("write",)))
+    assert not path.exists()
+    assert not list(work_folder(path).glob("whole*")), "the room it took is given back"
+    make_sources(path)
+    assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+def test_a_disk_without_room_for_the_final_file_is_met_before_hdf5_writes(path):
+    parts, _ = written(make(path.with_name("count.h5")))
+    disk = Full(parts)
+    with pytest.raises(SystemFailed, match=r"cannot reserve room for .*6 tasks are kept"):
+        make(path)(disk)
+
+
+def test_a_failed_flush_is_never_tried_again(path):
+    operations = count_operations(make(path.with_name("count.h5")))
+    at = operations.index(
+        ("flush to the disk", next(name for _, name in operations if name.startswith("part")))
+    )
+    disk = Breakable(at, trouble=OSError(errno.EIO, "I/O error"))
+    with open_work(path, LIGHT, spec_for(), disk=disk) as work:
+        with pytest.raises(SystemFailed):
+            work.save(rows_for([0, 1, 2], LIGHT), np.arange(3))
+        tried = len(disk.done)
+        with pytest.raises(SystemFailed):
+            work.save(rows_for([3], LIGHT), np.array([3]))
+        assert len(disk.done) == tried
+        assert work.saved.tolist() == []
+
+
+def test_short_writes_are_completed(path, straight):
+    make_light(path, disk=ShortWrites())
+    assert describe(path).content_sha256 == straight
+
+
+def test_a_directory_that_cannot_be_written_is_reported(path):
+    class ReadOnly(Disk):
+        def attempt(self, operation, path, call):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    with pytest.raises(SystemFailed, match="Read-only"):
+        make_light(path, disk=ReadOnly())
+
+
+def test_an_interrupt_during_a_write_of_the_final_file_passes_hdf5_by(path, straight):
+    operations = count_operations(make(path.with_name("count.h5")))
+    writes = [
+        at for at, (operation, name) in enumerate(operations) if (operation, name) == ("write", "whole.tmp")
+    ]
+    for at in writes:
+        target = path.with_name(f"{at}.h5")
+        with pytest.raises(KeyboardInterrupt):
+            make(target)(Breakable(at, trouble=KeyboardInterrupt()))
+        with open_work(target, LIGHT, spec_for()) as work:
+            assert work.saved.size == 6
+        make_light(target)
+        assert describe(target).content_sha256 == straight
+
+
+def save_twice_over(path, disk):
+    """Make it as a head process does that saves what it has when it is interrupted, and then goes on."""
+    with open_work(path, LIGHT, spec_for(), disk=disk) as work:
+        for some in ([0, 1, 2], [3, 4, 5]):
+            try:
+                work.save(rows_for(some, LIGHT), np.array(some))
+            except KeyboardInterrupt:
+                work.save(rows_for(some, LIGHT), np.array(some))
+        work.finish(np.arange(6))
+
+
+def test_an_interrupted_save_can_be_made_again_at_once(path, straight):
+    operations = count_operations(make(path.with_name("count.h5")))
+    saving = [
+        at for at, (_, name) in enumerate(operations) if name.startswith("part") and name.endswith("tmp")
+    ]
+    for at in saving:
+        target = path.with_name(f"{at}.h5")
+        save_twice_over(target, Breakable(at, trouble=KeyboardInterrupt()))
+        assert describe(target).content_sha256 == straight
