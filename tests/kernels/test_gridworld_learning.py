@@ -102,3 +102,97 @@ def test_records_left_out_change_nothing() -> None:
     bins = np.arange(60) * 7 // 60
     for binned, each in ((bare.steps, full.steps), (bare.reached, full.reached)):
         np.testing.assert_array_equal(binned, np.stack([np.bincount(bins, row, 7) for row in each]))
+
+
+class StoppedAtOnce(Watch):
+    """Says stop as soon as something was learned."""
+
+    def add(self, steps: int) -> None:
+        super().add(steps)
+        self.stop()
+
+
+def test_stopping_keeps_the_tasks_that_are_done_and_tells_which() -> None:
+    many = [task % len(GOALS) for task in range(40)]
+    given = chance(4, len(many))
+    longer = dataclasses.replace(EXPLORING, episodes=1500)
+    watch = StoppedAtOnce()
+    some = learn(worlds(many), longer, Start(table()), given, Records(bins=10), watch)
+    whole = learn(worlds(many), longer, Start(table()), given, Records(bins=10), Watch())
+    assert whole.finished.all()
+    assert 0 < some.finished.sum() < len(many)
+    for name in ("q", "steps", "reached", "step_count"):
+        np.testing.assert_array_equal(getattr(some, name)[some.finished], getattr(whole, name)[some.finished])
+    assert some.step_count[some.finished].sum() <= watch.steps < whole.step_count.sum()
+
+
+def test_every_step_is_counted_once_and_every_episode_is_in_one_bin() -> None:
+    learned = learn(worlds(), EXPLORING, Start(table()), chance(5, len(GOALS)), ALL, watch := Watch())
+    assert learned.visits is not None
+    np.testing.assert_array_equal(learned.visits.sum(axis=(1, 2)), learned.step_count)
+    np.testing.assert_array_equal(learned.steps.sum(axis=1), learned.step_count)
+    assert watch.steps == learned.step_count.sum()
+    assert learned.seconds.sum() > 0
+    assert not learned.visits[np.arange(len(GOALS)), GOALS].any()
+
+
+def test_long_learning_comes_near_the_exact_table() -> None:
+    """V*(0,0) of the paper's grid is known; constant alpha stays within some per cent of it."""
+    task = Gridworlds(30, np.full(4, 20 * 30 + 20), np.full(4, 0.75))
+    source = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
+    learned = learn(task, source, Start(np.zeros((900, 4))), chance(6, 4), Records(bins=10), Watch())
+    np.testing.assert_allclose(learned.q[:, 0].max(axis=1), 0.056768479844764, rtol=0.1)
+
+
+def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
+    one_step = Learning(alpha=0.1, gamma=0.9, epsilon=1.0, episodes=36_000, horizon=1, start="anywhere")
+    counted = Records(bins=1, visits=True, td_var=True)
+    learned = learn(worlds([1]), one_step, Start(table()), chance(7, 1), counted, Watch())
+    assert learned.visits is not None
+    visits = learned.visits[0]
+    assert not visits[GOALS[1]].any()
+    expected_visits = np.full((SIZE**2 - 1) * 4, 36_000 / (SIZE**2 - 1) / 4)
+    others = np.delete(visits, GOALS[1], axis=0).ravel()
+    chi_square = ((others - expected_visits) ** 2 / expected_visits).sum()
+    degrees = len(others) - 1
+    assert abs(chi_square - degrees) < 5 * np.sqrt(2 * degrees)
+
+
+@pytest.mark.parametrize("p", [0.6, 0.9])
+def test_the_agent_goes_where_it_meant_to_with_probability_p(p: float) -> None:
+    """Episodes of one step from a corner, the goal beside it."""
+    one_step = Learning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
+    task = Gridworlds(2, np.array([1]), np.array([p]), start=0)
+    learned = learn(task, one_step, Start(np.zeros((4, 4))), chance(8, 1), Records(bins=1), Watch())
+    # the goal is to the right: reached by meaning it, or by slipping from one of the three other moves
+    expected_share = 0.25 * p + 0.75 * (1 - p) / 3
+    assert learned.reached.sum() / 200_000 == pytest.approx(expected_share, abs=0.005)
+
+
+def test_shaped_learning_equals_unshaped_learning_that_starts_from_the_potential() -> None:
+    """Wiewiora (2003). With epsilon 1 both take the same steps whatever they have learned."""
+    wandering = dataclasses.replace(EXPLORING, epsilon=1.0)
+    phi = potential(len(GOALS))
+    shaped = learn(worlds(), wandering, Start(table(), phi), chance(10, len(GOALS)), ALL, Watch())
+    phi[np.arange(len(GOALS)), GOALS] = 0.0
+    plain = learn(worlds(), wandering, Start(table() + phi[:, :, None]), chance(10, len(GOALS)), ALL, Watch())
+    np.testing.assert_allclose(shaped.q + phi[:, :, None], plain.q, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(shaped.steps, plain.steps)
+
+
+def test_a_potential_of_zero_changes_no_bit() -> None:
+    shaped = learn(
+        worlds(), EXPLORING, Start(table(), np.zeros(SIZE**2)), chance(1, len(GOALS)), ALL, Watch()
+    )
+    plain = learn(worlds(), EXPLORING, Start(table()), chance(1, len(GOALS)), ALL, Watch())
+    np.testing.assert_array_equal(shaped.q, plain.q)
+
+
+def test_a_start_on_the_goal_is_refused() -> None:
+    with pytest.raises(ValueError, match="start and a goal"):
+        Gridworlds(3, np.array([4, 0]), np.array([0.7, 0.7]), start=0)
+
+
+def test_tables_of_another_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match="start table has shape"):
+        learn(worlds(), EXPLORING, Start(np.zeros((5, 4))), chance(9, len(GOALS)), ALL, Watch())
