@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from qinit_cli.stages.compare import Comparison, Estimate
 
 SCHEMA = "qinit.compare/1"
+MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
 CONDITIONAL = "95 % bootstrap intervals over targets, conditional on this source set, uncorrected"
 
 
@@ -60,12 +61,14 @@ def compare(
     comparisons = stage.compare(read_runs(runs, reading.store), comparing.baseline, comparing.metric)
     columns = [
         TableColumn("method"),
-        TableColumn(comparing.metric, f"average {comparing.metric}", 4, interval=True),
+        TableColumn(comparing.metric, comparing.metric, 4, interval=True),
         TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
-        TableColumn("jumpstart", "first 10", 4, interval=True, bounds_shown=False),
-        TableColumn("asymptotic", "last tenth", 4, interval=True, bounds_shown=False),
-        TableColumn("success", digits=3),
-        TableColumn("restricted_steps", "steps", 1),
+        TableColumn("jumpstart", "first 10", 4, interval=True, bounds_shown=False, dispensable=True),
+        TableColumn("asymptotic", "last 10%", 4, interval=True, bounds_shown=False, dispensable=True),
+        TableColumn("regret", "regret", 4, interval=True, bounds_shown=False, dispensable=True),
+        TableColumn("success", digits=3, dispensable=True),
+        TableColumn("restricted_steps", "steps", 1, dispensable=True),
+        TableColumn("remark"),
     ]
     for comparison in comparisons:
         if comparison.baseline is None:
@@ -74,10 +77,16 @@ def compare(
                 f"{comparison.title}: no run of {comparing.baseline}, so no differences; "
                 f"qinit transfer {comparing.baseline} FIT makes one",
             )
+        if comparison.rows[0].regret is None:
+            note(
+                display,
+                f"{comparison.title}: regret needs a run of optimal; qinit transfer optimal FIT makes one",
+            )
     if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
         for comparison in comparisons:
-            rows = _rows(comparison, comparing.metric)
-            print_table(SCHEMA, columns, rows, tabular, display, title=comparison.title, caption=CONDITIONAL)
+            rows = [_marked(row) for row in _rows(comparison, comparing.metric)]
+            caption = "\n".join([CONDITIONAL, *(f"{mark} {remark}" for remark, mark in MARKS.items())])
+            print_table(SCHEMA, columns[:-1], rows, tabular, display, title=comparison.title, caption=caption)
         return
     rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]
     everything = [TableColumn("targets"), *columns]
@@ -101,16 +110,23 @@ def _rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
     return [
         {
             "targets": comparison.title,
-            "method": row.label + (" (privileged)" if row.privileged else ""),
+            "method": row.label,
             **_bounds(metric, row.average),
             **_bounds("difference", row.difference),
             **_bounds("jumpstart", row.jumpstart),
             **_bounds("asymptotic", row.asymptotic),
+            **_bounds("regret", row.regret),
             "success": row.success,
             "restricted_steps": row.steps,
+            "remark": row.remark,
         }
         for row in comparison.rows
     ]
+
+
+def _marked(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with its remark as a mark at the method, which the caption explains."""
+    return row | {"method": row["method"] + MARKS.get(row["remark"], "")}
 
 
 def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:

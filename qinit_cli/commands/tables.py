@@ -8,12 +8,18 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display, Tabular
 from qinit_cli.commands.messages import console
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 Row = dict[str, Any]
+
+
+FOLDED_WIDTH = 20  # the narrowest that a column of longer texts is folded to
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,7 @@ class TableColumn:
     digits: int | None = None  # decimals for people; None for text and counts
     interval: bool = False
     bounds_shown: bool = True
+    dispensable: bool = False  # left out for people where the terminal is too narrow
 
     @property
     def keys(self) -> list[str]:
@@ -43,7 +50,13 @@ class TableColumn:
     def text(self, row: Row) -> str:
         """The value for people."""
         value, *bounds = (self._number(row[key]) for key in self.keys)
-        return f"{value} [{', '.join(bounds)}]" if self.bounds_shown and any(bounds) else value
+        return f"{value} ({' to '.join(bounds)})" if self.bounds_shown and any(bounds) else value
+
+    def lines(self, row: Row) -> str:
+        """The same on two lines, as narrow as can be: a terminal has few columns."""
+        value, *bounds = (self._number(row[key]) for key in self.keys)
+        narrow = [bound.replace("0.", ".", 1) for bound in bounds]
+        return f"{value}\n{'–'.join(narrow)}" if self.bounds_shown and any(bounds) else value
 
     def _number(self, value: Any) -> str:
         if value is None:
@@ -88,6 +101,26 @@ def _plain(value: Any) -> Any:
 def _print_rich(
     columns: Sequence[TableColumn], rows: Sequence[Row], display: Display, title: str, caption: str
 ) -> None:
+    from rich.measure import Measurement
+
+    terminal = console(display)
+    shown = list(columns)
+    dropped: list[TableColumn] = []
+    while True:
+        table = _rich_table(shown, rows, title, caption)
+        fits = Measurement.get(terminal, terminal.options, table).minimum <= terminal.width
+        dispensable = [column for column in shown if column.dispensable]
+        if fits or not dispensable:
+            break
+        dropped.insert(0, dispensable[-1])
+        shown.remove(dispensable[-1])
+    terminal.print(table)
+    if dropped:
+        names = ", ".join(column.title for column in dropped)
+        terminal.print(f"not shown for lack of room: {names} (--format tsv has all)", style="dim")
+
+
+def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row], title: str, caption: str) -> Table:
     from rich import box
     from rich.table import Table
 
@@ -98,13 +131,16 @@ def _print_rich(
         caption=caption or None,
         caption_justify="left",
         pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
     for column in columns:
         numeric = any(isinstance(row[column.key], int | float) for row in rows)
-        table.add_column(column.title, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(
+            column.title, justify="right" if numeric else "left", no_wrap=numeric, overflow="fold"
+        )
     for row in rows:
-        table.add_row(*(column.text(row).replace(" [", "\n[") for column in columns))
-    console(display).print(table)
+        table.add_row(*(column.lines(row) for column in columns))
+    return table
 
 
 def _print_markdown(columns: Sequence[TableColumn], rows: Sequence[Row]) -> None:

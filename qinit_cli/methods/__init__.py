@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from qinit_cli.methods.logqinit_mean import LogQInitMean
 from qinit_cli.methods.logqinit_median import LogQInitMedian
+from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
 from qinit_cli.methods.maxqinit import MaxQInit
+from qinit_cli.methods.mean import Mean
 from qinit_cli.methods.method import Initial, Method
+from qinit_cli.methods.optimal import Optimal
 from qinit_cli.methods.targets import Targets
+from qinit_cli.methods.ucoi import Ucoi
 from qinit_cli.methods.zero import Zero
 
 METHODS: dict[str, type[Method]] = {
     method.name: method
     for method in (
         Zero,
+        Mean,
         MaxQInit,
+        Ucoi,
         LogQInitMedian,
+        LogQInitMean,
+        LogQInitQuantile,
+        Optimal,
     )
 }
 

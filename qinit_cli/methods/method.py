@@ -7,7 +7,7 @@ also read the target's parameters and return arrays with a leading target axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import check, option
@@ -30,13 +30,32 @@ class Initial:
     filled: int  # entries of the start that no source knows
     clipped: int  # entries of the start outside [0, 1]
 
+    @property
+    def start_per_task(self) -> bool:
+        """Whether every target has a start of its own."""
+        return self.start.ndim == 3
+
+    @property
+    def potential_per_task(self) -> bool:
+        """Whether every target has a potential of its own."""
+        return self.potential.ndim == 2
+
+    def of(self, indices: Integers) -> Initial:
+        """What the targets at these indices start from."""
+        return replace(
+            self,
+            start=self.start[indices] if self.start_per_task else self.start,
+            potential=self.potential[indices] if self.potential_per_task else self.potential,
+        )
+
 
 class Method:
     """The neutral method; subclasses replace the parts they have."""
 
     name: ClassVar[str]
     formula: ClassVar[str]
-    privileged: ClassVar[bool] = False
+    privileged: ClassVar[bool] = False  # reads the target's parameters
+    reconstructed: ClassVar[bool] = False  # its authors' formula is not public
 
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass

@@ -11,6 +11,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
 from qinit_cli.seeding import Stream, generator
+from qinit_cli.specs import family_of
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -32,13 +33,14 @@ class Row:
     """One run against the baseline."""
 
     label: str
-    privileged: bool
+    remark: str  # what a reader must know of the method
     average: Estimate  # over all episodes
     jumpstart: Estimate  # over the first 10 episodes
     asymptotic: Estimate  # over the last tenth
     steps: float  # mean of min(steps, horizon)
     success: float  # share of episodes that reach the goal
     difference: Estimate | None  # of averages, paired on the same targets; None without a baseline
+    regret: Estimate | None  # to what is possible, see `attainable`; None where that is not known
 
 
 @dataclass(frozen=True)
@@ -84,12 +86,11 @@ def labels(runs: Sequence[Run]) -> list[str]:
 def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
     base = _baseline(runs, baseline)
     against = None if base is None else curve(base, metric)
+    possible = attainable(runs)
     rows = tuple(
-        _row(run, label, metric, None if run is base else against)
+        _row(run, label, metric, None if run is base else against, possible)
         for run, label in zip(runs, labels(runs), strict=True)
     )
-    from qinit_cli.specs import family_of
-
     seed = runs[0].spec["seed"]
     targets, episodes = runs[0].steps.shape
     title = f"{family_of(runs[0].spec).label}, {targets} targets of seed {seed}, {episodes} episodes"
@@ -107,29 +108,64 @@ def _baseline(runs: list[Run], baseline: str) -> Run | None:
     return meant[0] if meant else None
 
 
-def _row(run: Run, label: str, metric: Metric, against: Floats | None) -> Row:
+def attainable(runs: Sequence[Run]) -> Floats | None:
+    """The return that learning can hope for on each target, (T,): what regret is counted from.
+
+    The exact value of epsilon-greedy on Q* (v_eps) where there are exact tables; else what the run of `optimal` earns in its
+    last tenth; None without either.
+    """
+    from qinit_cli.analysis import returns
+
+    for run in runs:
+        if run.v_eps is not None:
+            return run.v_eps
+    for run in runs:
+        if run.method == "optimal":
+            return returns.asymptotic(curve(run, "return"))
+    return None
+
+
+def remark(method: str) -> str:
+    """What a reader of a table must know of the method."""
+    kind = METHODS.get(method)
+    if kind is None:
+        return "not installed here"
+    remarks = {"privileged": kind.privileged, "reconstruction": kind.reconstructed}
+    return ", ".join(name for name, holds in remarks.items() if holds)
+
+
+def _row(run: Run, label: str, metric: Metric, against: Floats | None, possible: Floats | None) -> Row:
     import numpy as np
 
     from qinit_cli.analysis import intervals, returns
 
     values = curve(run, metric)
-    summaries = [returns.average(values), returns.jumpstart(values), returns.asymptotic(values)]
+    summaries = {
+        "average": returns.average(values),
+        "jumpstart": returns.jumpstart(values),
+        "asymptotic": returns.asymptotic(values),
+    }
     if against is not None:
-        summaries.append(summaries[0] - returns.average(against))
+        summaries["difference"] = summaries["average"] - returns.average(against)
+    if possible is not None:
+        summaries["regret"] = possible - returns.average(curve(run, "return"))
     # one stream for every row: the same resamples of targets for each method
     chance = generator(int(run.spec["seed"]), Stream.BOOTSTRAP, 0)
-    interval = intervals.over_targets(np.stack(summaries, axis=1), chance)
-    estimates = [
-        Estimate(*(float(bound) for bound in bounds))
-        for bounds in zip(interval.estimate, interval.low, interval.high, strict=True)
-    ]
+    interval = intervals.over_targets(np.stack(list(summaries.values()), axis=1), chance)
+    estimates = {
+        name: Estimate(float(mean), float(low), float(high))
+        for name, mean, low, high in zip(
+            summaries, interval.estimate, interval.low, interval.high, strict=True
+        )
+    }
     return Row(
         label=label,
-        privileged=METHODS[run.method].privileged if run.method in METHODS else False,
-        average=estimates[0],
-        jumpstart=estimates[1],
-        asymptotic=estimates[2],
+        remark=remark(run.method),
+        average=estimates["average"],
+        jumpstart=estimates["jumpstart"],
+        asymptotic=estimates["asymptotic"],
         steps=float(returns.restricted_steps(run.steps, run.horizon).mean()),
         success=float(run.reached.mean()),
-        difference=estimates[3] if against is not None else None,
+        difference=estimates.get("difference"),
+        regret=estimates.get("regret"),
     )

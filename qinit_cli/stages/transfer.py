@@ -42,10 +42,11 @@ def learn_targets(
 
     family, learning = targets.family, targets.learning
     tasks = targets.targets(indices).tasks
+    own = initial.of(indices)
     learned = learn(
         family.worlds(tasks),
         learning,
-        Start(initial.start, initial.potential if initial.potential.any() else None),
+        Start(own.start, own.potential if own.potential.any() else None),
         chance(targets.seed, Stream.TARGET_DICE, Stream.TARGET_START, indices),
         Records(bins=learning.episodes),
         watch,
@@ -63,12 +64,18 @@ def learn_targets(
         rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
     if targets.keep_q:
         rows["q"] = learned.q[kept]
-    return indices[kept], shaped(rows, family, ("q",))
+    if initial.start_per_task:
+        rows["start"] = own.start[kept]
+    if initial.potential_per_task:
+        rows["potential"] = own.potential[kept].reshape(-1, *family.shape)
+    return indices[kept], shaped(rows, family, ("q", "start"))
 
 
 def statics(initial: Initial, family: Family) -> dict[str, Floats]:
-    """What a run keeps of the method's arrays, laid out along the family's state axes."""
-    return {
-        "start": initial.start.reshape(*family.shape, -1),
-        "potential": initial.potential.reshape(family.shape),
-    }
+    """What a run keeps of the method's arrays that is the same for every target, laid out along the state axes."""
+    kept: dict[str, Floats] = {}
+    if not initial.start_per_task:
+        kept["start"] = initial.start.reshape(*family.shape, -1)
+    if not initial.potential_per_task:
+        kept["potential"] = initial.potential.reshape(family.shape)
+    return kept

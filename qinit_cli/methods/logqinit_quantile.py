@@ -1,0 +1,47 @@
+"""LogQInit-quantile: any quantile of the fitted log-normal, the median being 0.5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fields import option
+from qinit_cli.methods.method import Initialisation
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+    from qinit_cli.fitted import Fit
+    from qinit_cli.methods.targets import Targets
+
+ONE_SIGMA_BELOW = 0.15865525393145707  # Phi(-1)
+
+
+@dataclass(frozen=True)
+class LogQInitQuantile(Initialisation):
+    """A quantile of the fitted log-normal: exp(mu + z sigma), z = Phi^-1(quantile)."""
+
+    quantile: float = option(
+        ONE_SIGMA_BELOW,
+        "Share of the distribution below the start; the default is one sigma below.",
+        low=0,
+        high=1,
+    )
+
+    name: ClassVar[str] = "logqinit-quantile"
+    formula: ClassVar[str] = "exp(mu + z sigma), z = Phi^-1(quantile)"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.quantile in (0.0, 1.0):
+            raise ValueError(f"--quantile is {self.quantile}; it must lie between 0 and 1, both excluded")
+
+    def start(self, fit: Fit, targets: Targets) -> Floats:
+        """exp(mu + z sigma), (S, A); NotAllowed where the fit's estimator is not mle."""
+        if fit.estimator != "mle":
+            raise NotAllowed(
+                f"quantiles need the estimator mle, this fit has {fit.estimator}; fit again with --estimator mle"
+            )
+        from qinit_cli.analysis.estimators import lognormal_quantile
+
+        return lognormal_quantile(fit.mu, fit.sigma, self.quantile)

@@ -1,0 +1,27 @@
+"""The target's own Q*, the reference that no method may look at; section 7 of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from qinit_cli.methods.method import Method
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+    from qinit_cli.fitted import Fit
+    from qinit_cli.methods.targets import Targets
+
+
+@dataclass(frozen=True)
+class Optimal(Method):
+    """The target's own Q* (privileged): a reference, not a bound, as learning goes on from it."""
+
+    name: ClassVar[str] = "optimal"
+    formula: ClassVar[str] = "Q* of the target"
+    privileged: ClassVar[bool] = True
+
+    def start(self, fit: Fit, targets: Targets) -> Floats:
+        """Q* of each target, (T, S, A)."""
+        q, _ = targets.family.solve(targets.tasks, targets.learning.gamma)
+        return q
