@@ -68,11 +68,10 @@ def moments(values: Floats, counted: Flags) -> Moments:
     n = np.count_nonzero(counted, axis=0).astype(np.int64)
     mean = np.sum(values, axis=0, where=counted) / np.maximum(n, 1)
     deviations = np.where(counted, values - mean, 0.0)
-    correction = deviations.sum(axis=0) / np.maximum(n, 1)  # what rounding left in the mean
     return Moments(
         n=n,
-        running_mean=mean + correction,
-        squares=np.maximum(np.sum(deviations**2, axis=0) - n * correction**2, 0.0),
+        running_mean=mean,
+        squares=np.sum(deviations**2, axis=0),
         smallest=np.min(values, axis=0, where=counted, initial=np.inf),
         largest=np.max(values, axis=0, where=counted, initial=-np.inf),
     )

@@ -33,7 +33,7 @@ def jumpstart(curves: Floats, episodes: int = JUMPSTART_EPISODES) -> Floats:
 
 def asymptotic(curves: Floats, share: float = ASYMPTOTIC_SHARE) -> Floats:
     """Mean over the last `share` of the episodes per target, (T,), rounded up to whole episodes."""
-    last = int(np.ceil(share * curves.shape[-1] - 1e-9))  # 0.1 * 30 is a little above 3
+    last = int(np.ceil(share * curves.shape[-1]))
     return _mean(curves[..., -last:])
 
 

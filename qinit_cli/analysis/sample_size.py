@@ -29,4 +29,4 @@ def tasks_for_all_targets(p_min: float, delta: float, tasks: int) -> int:
         raise ValueError(f"{tasks} tasks of probability at least {p_min} add up to more than 1")
     if p_min == 1:
         return 1
-    return max(1, math.ceil(math.log(delta / tasks) / math.log1p(-p_min)))
+    return math.ceil(math.log(delta / tasks) / math.log1p(-p_min))

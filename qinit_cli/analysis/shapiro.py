@@ -21,7 +21,6 @@ _LOCATION = (-1.5861, -0.31082, -0.083751, 0.0038915)
 _SCALE = (-0.4803, -0.082676, 0.0030302)
 
 _SMALL = 11  # the largest size with a transformation of its own
-_LEAST_P = 1e-19  # what AS R94 reports beyond the small samples' bound
 
 
 def shapiro_wilk(ordered: Floats) -> tuple[Floats, Floats]:
@@ -35,12 +34,10 @@ def shapiro_wilk(ordered: Floats) -> tuple[Floats, Floats]:
     if n > _SMALL:
         normal = (logarithm - _polynomial(_LOCATION, np.log(n))) / np.exp(_polynomial(_SCALE, np.log(n)))
         return 1 - lack, ndtr(-normal)
-    room = _polynomial(_SMALL_BOUND, n) - logarithm
-    inside = room > 0
-    with np.errstate(divide="ignore"):
-        transformed = -np.log(np.where(inside, room, 1.0))
+    # W has a lower bound, so that the bound on its logarithm is out of reach for every size from 4 on
+    transformed = -np.log(_polynomial(_SMALL_BOUND, n) - logarithm)
     normal = (transformed - _polynomial(_SMALL_LOCATION, n)) / np.exp(_polynomial(_SMALL_SCALE, n))
-    return 1 - lack, np.where(inside, ndtr(-normal), _LEAST_P)
+    return 1 - lack, ndtr(-normal)
 
 
 def lack_of_fit(ordered: Floats, weight: Floats) -> Floats:

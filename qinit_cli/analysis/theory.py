@@ -96,7 +96,7 @@ def _explained_squares(values: Floats, by: Floats, counted: Flags) -> Floats:
     against = _centred(by, counted)
     spread = np.sum(against**2, axis=0)
     covariance = np.sum(against * _centred(values, counted), axis=0)
-    return np.where(spread > 0, covariance**2 / np.where(spread > 0, spread, 1.0), 0.0)
+    return np.asarray(covariance**2 / np.where(spread > 0, spread, 1.0))
 
 
 def _share(residual: Floats, total: Floats, varies: Flags) -> Floats:

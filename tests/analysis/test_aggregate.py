@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis.aggregate import bootstrap, interquartile_mean, probability_of_improvement
-from qinit_cli.analysis.intervals import over_targets, pigeonhole
+from qinit_cli.analysis.intervals import nested, over_targets, pigeonhole
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (3, 5), (10, 200)])
@@ -30,7 +30,8 @@ def test_one_source_set_compares_in_pairs() -> None:
 
 
 def test_the_bootstrap_of_a_mean_is_the_interval_of_the_mean() -> None:
-    values = np.random.default_rng(2).exponential(1, (8, 30))
+    rng = np.random.default_rng(2)
+    values = rng.exponential(1, (8, 30)) + rng.exponential(1, 30)  # targets differ for all sets
 
     def mean(scores: np.ndarray) -> float:
         return float(scores.mean())
@@ -39,7 +40,9 @@ def test_the_bootstrap_of_a_mean_is_the_interval_of_the_mean() -> None:
     known = over_targets(values[0, :, None], np.random.default_rng(4))
     several = bootstrap(mean, (values,), np.random.default_rng(3), shared_targets=True, resamples=4000)
     crossed = pigeonhole(values[:, :, None], np.random.default_rng(4))
-    for found, expected in ((one, known), (several, crossed)):
+    own = bootstrap(mean, (values,), np.random.default_rng(3), shared_targets=False, resamples=4000)
+    within = nested(values[:, :, None], np.random.default_rng(4))
+    for found, expected in ((one, known), (several, crossed), (own, within)):
         width = expected.high[0] - expected.low[0]
         assert found.estimate == pytest.approx(expected.estimate[0])
         assert found.low == pytest.approx(expected.low[0], abs=0.06 * width)

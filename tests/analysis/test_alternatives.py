@@ -95,11 +95,13 @@ def test_masked_values_have_no_say() -> None:
 def test_values_of_one_have_no_beta_and_the_others_go_on() -> None:
     q = positive(5)[:, :4]
     q[7] = 1.0
-    found = akaike(q)
-    beta = found.names.index("beta")
-    assert np.isinf(found.scores[beta]).all()
-    assert np.isfinite(np.delete(found.scores, beta, axis=0)).all()
-    assert found.shares(larger_wins=False)["beta"] == 0
+    learned_from = held_out_scores(q, np.where(np.arange(100) < 50, -1, 0))
+    scored = held_out_scores(q, np.where(np.arange(100) < 50, 0, -1))
+    for found, larger_wins in ((akaike(q), False), (learned_from, True), (scored, True)):
+        beta = found.names.index("beta")
+        assert np.isinf(found.scores[beta]).all()
+        assert np.isfinite(np.delete(found.scores, beta, axis=0)).all()
+        assert found.shares(larger_wins)["beta"] == 0
 
 
 def test_constant_or_scarce_cells_are_not_testable_and_win_nothing() -> None:

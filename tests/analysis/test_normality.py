@@ -36,9 +36,13 @@ def test_shapiros_weights_have_unit_length_and_no_sum(n: int) -> None:
     assert np.sum(weights(n)) == pytest.approx(0, abs=1e-12)
 
 
-def test_tiny_samples_far_from_normal_get_the_algorithms_smallest_p() -> None:
-    sample = np.array([0.0] * 10 + [1.0])
-    assert shapiro_wilk(sample[None])[1][0] == pytest.approx(stats.shapiro(sample).pvalue, rel=1e-5)
+@pytest.mark.parametrize("n", [4, 5, 6, 7, 11])
+def test_the_smallest_samples_equal_scipys_however_far_from_normal(n: int) -> None:
+    lopsided = np.array([0.0] * (n - 1) + [1.0])
+    for sample in (lopsided, np.arange(n) * 1.0, np.arange(n) ** 3.0):
+        found, known = shapiro_wilk(sample[None]), stats.shapiro(sample)
+        assert found[0][0] == pytest.approx(known.statistic, abs=1e-8)
+        assert found[1][0] == pytest.approx(known.pvalue, rel=1e-5)
 
 
 def test_anderson_darling_equals_statsmodels() -> None:

@@ -37,13 +37,20 @@ def test_lengths_that_are_not_normal_are_found_out(centre: float) -> None:
     np.testing.assert_allclose(found.statistic[0], stats.shapiro(lengths[:, 0]).statistic, atol=1e-8)
 
 
-def test_p_is_the_share_of_a_plain_parametric_bootstrap() -> None:
-    rng = np.random.default_rng(3)
-    lengths = np.rint(rng.normal(20.3, 2.0, (60, 1)) + rng.exponential(1.0, (60, 1)))
-    found = rounded_normality(lengths, everywhere(lengths), rng, resamples=3000)
-    deviation = np.sqrt(lengths.var() - 1 / 12)
-    plain = [stats.shapiro(np.rint(rng.normal(lengths.mean(), deviation, 60))).statistic for _ in range(1500)]
-    share = np.mean(np.array(plain) <= found.statistic[0])
+WIDE = np.rint(np.random.default_rng(3).gamma(9.0, 1.0, 60))
+NARROW = np.array([11.0] + [12.0] * 58 + [13.0])  # an eighth of its null's samples have no spread
+
+
+@pytest.mark.parametrize("lengths", [WIDE, NARROW])
+def test_p_is_the_share_of_a_plain_parametric_bootstrap(lengths: np.ndarray) -> None:
+    rng = np.random.default_rng(4)
+    found = rounded_normality(lengths[:, None], everywhere(lengths[:, None]), rng, resamples=3000)
+    centre, deviation = rounded_parameters(lengths.mean(keepdims=True), lengths.var(keepdims=True))
+    statistics = []
+    for _ in range(1500):
+        sample = np.rint(rng.normal(centre[0], deviation[0], 60))
+        statistics.append(stats.shapiro(sample).statistic if np.ptp(sample) > 0 else 1.0)
+    share = np.mean(np.array(statistics) <= found.statistic[0] + 1e-8)
     assert found.p[0] == pytest.approx(share, abs=0.05)
 
 

@@ -20,6 +20,11 @@ def test_all_of_a_hundred_tasks_want_more_draws_than_one() -> None:
 
 def test_a_certain_task_needs_one_draw() -> None:
     assert tasks_for_one_target(1.0, 0.05) == 1
+    assert tasks_for_one_target(0.999, 0.5) == 1
+
+
+def test_a_task_that_hardly_ever_comes_wants_its_share_of_draws() -> None:
+    assert tasks_for_one_target(1e-17, 0.05) == pytest.approx(2.995732e17, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,7 @@ def test_without_variance_or_tasks_nothing_is_explained() -> None:
     eopl = np.full((9, 1, 3), 5)
     q = np.full((9, 1, 3), 0.5)
     q[2:, 0, 1] = 0.0
+    q[0, 0, 1] = 0.9  # two tasks always lie on a line
     q[:, 0, 2] = 0.0
     found = theory(q, eopl, GAMMA, np.zeros(1))
     assert np.isnan(found.explained).all()
