@@ -1,0 +1,113 @@
+"""Real processes: killed at random times, two at once, and one with a memory to be measured."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fakes import LIGHT, make_sources, spec_for
+
+from store.errors import Busy
+from store.folder import work_folder
+from store.reading import describe
+from store.work import open_work
+
+CHILD = Path(__file__).with_name("child.py")
+ROOT = CHILD.parents[2]
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, str(CHILD), *map(str, arguments)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+
+
+def kill_at_random_times(path, tasks, kills, how, seed):
+    """Start the child again and again, `how` it each time; everything it ever said it saved."""
+    chance = random.Random(seed)
+    said = set()
+    for _ in range(kills):
+        with start("make", path, tasks) as child:
+            assert child.stdout.readline() == "ready\n"
+            time.sleep(chance.random() * 0.25)
+            child.send_signal(how)
+            said |= {int(line) for line in child.stdout}
+        if path.exists():
+            break
+        with open_work(path, LIGHT, spec_for(tasks)) as work:
+            assert said <= set(work.saved.tolist())
+            assert work.set_aside == 0
+    return said
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_saved_stays_saved_through_kills_at_random_times(tmp_path, how):
+    path = tmp_path / "a.h5"
+    kill_at_random_times(path, 60, kills=3, how=how, seed=int(how))
+    make_sources(path, tasks=60, schema=LIGHT)
+    straight = make_sources(tmp_path / "straight.h5", tasks=60, schema=LIGHT)
+    assert path.read_bytes() == straight.read_bytes()
+    assert not work_folder(path).exists()
+
+
+@pytest.mark.soak
+def test_saved_stays_saved_through_very_many_kills(tmp_path):
+    straight = make_sources(tmp_path / "straight.h5", tasks=60, schema=LIGHT).read_bytes()
+    for seed in range(40):
+        path = tmp_path / f"{seed}.h5"
+        kill_at_random_times(path, 60, kills=20, how=signal.SIGKILL, seed=seed)
+        make_sources(path, tasks=60, schema=LIGHT)
+        assert path.read_bytes() == straight
+
+
+def test_a_second_process_is_told_that_it_is_busy_and_the_first_one_finishes(tmp_path):
+    path = tmp_path / "a.h5"
+    with start("make", path, 6, 1) as first:
+        assert first.stdout.readline() == "ready\n"
+        with start("make", path, 6) as second:
+            _, said = second.communicate()
+            assert second.returncode == Busy.exit_code
+            assert "another process is writing" in said
+        first.communicate("")
+        assert first.returncode == 0
+    assert describe(path).tasks == 6
+
+
+def test_a_killed_holder_frees_the_lock(tmp_path):
+    path = tmp_path / "a.h5"
+    with start("make", path, 6, 1) as first:
+        assert first.stdout.readline() == "ready\n"
+        first.kill()
+    make_sources(path, schema=LIGHT)
+    assert describe(path).tasks == 6
+
+
+def test_publishing_two_hundred_megabytes_takes_the_memory_of_a_few_blocks(tmp_path):
+    with start("finish_large", tmp_path / "a.h5", 2000, 100) as child:
+        out, said = child.communicate()
+        assert child.returncode == 0, said
+    begin, after_parts, end = map(int, out.split())
+    assert end - after_parts < 64, (begin, after_parts, end)
+    assert end - begin < 120, (begin, after_parts, end)
+
+
+def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_path):
+    path = tmp_path / "a.h5"
+    make_sources(path, tasks=2, schema=LIGHT)
+    with start("make", path, 30) as child:
+        seen = set()
+        while child.poll() is None:
+            seen.add(describe(path).tasks)
+        child.communicate()
+    assert seen | {describe(path).tasks} == {2, 30}
