@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -59,11 +59,19 @@ def check(instance: DataclassInstance) -> None:
     hints = get_type_hints(type(instance))
     for field in options(type(instance)):
         value = getattr(instance, field.name)
-        choices = get_args(hints[field.name]) if get_origin(hints[field.name]) is not None else ()
-        if all(isinstance(choice, str) for choice in choices) and choices and value not in choices:
+        choices = _choices(hints[field.name])
+        if choices and value not in (*choices, field.default):  # which may be None
             raise ValueError(f"{flag(field.name)} is {value!r}; it is one of {', '.join(choices)}")
         if isinstance(value, int | float) and not isinstance(value, bool):
             _check_number(field, value)
+
+
+def _choices(hint: Any) -> tuple[str, ...]:
+    """What a Literal allows, also where None may stand instead; () for any other type."""
+    if get_origin(hint) is Literal:
+        return get_args(hint)
+    literals = [part for part in get_args(hint) if get_origin(part) is Literal]
+    return get_args(literals[0]) if literals else ()
 
 
 def _check_number(field: dataclasses.Field[Any], value: float) -> None:
