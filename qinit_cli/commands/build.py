@@ -46,7 +46,8 @@ class Group:
             metavar=meta["metavar"],
             envvar="QINIT_" + option.name.upper(),
             show_envvar=False,
-            show_default=default_text if default_text is not None else option.default not in (None, False),
+            # by identity: 0 equals False, and is a default worth showing
+            show_default=default_text or (option.default is not None and option.default is not False),
             rich_help_panel=meta["panel"] or self.panel,
         )
         default = option.default if option.default is not MISSING else inspect.Parameter.empty
