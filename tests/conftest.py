@@ -1,0 +1,137 @@
+"""Running qinit in this process or as a real one, and one small pipeline that many tests look at."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+QINIT = Path(sys.executable).with_name("qinit")
+SMALL_SOURCES = ("gridworld", "--size", "6", "--tasks", "4", "--episodes", "200", "--variance", "2")
+SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def path(self) -> Path:
+        """The artefact's path, which must be all that is on stdout."""
+        [line] = self.out.splitlines()
+        return Path(line)
+
+
+@pytest.fixture(autouse=True)
+def plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No option comes from the environment of whoever runs the tests."""
+    for name in [name for name in os.environ if name.startswith("QINIT_")]:
+        monkeypatch.delenv(name)
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLUMNS"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def run_here(arguments: Sequence[str], stdin: str = "") -> Ended:
+    """One command line in this process, with stdin as given."""
+    from qinit_cli.app import run
+
+    out, err, before = io.StringIO(), io.StringIO(), sys.stdin
+    sys.stdin = io.StringIO(stdin)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = run([str(argument) for argument in arguments])
+    finally:
+        sys.stdin = before
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture
+def here() -> Callable[..., Ended]:
+    """Runs one command line in this process: `here("list", "--store", store)`."""
+
+    def call(*arguments: object, stdin: str = "") -> Ended:
+        return run_here([str(argument) for argument in arguments], stdin)
+
+    return call
+
+
+@pytest.fixture
+def qinit(tmp_path: Path) -> Callable[..., Ended]:
+    """Runs the console script in a folder of its own: `qinit("fit", "-", stdin=...)`."""
+
+    def call(*arguments: object, stdin: str = "", env: Mapping[str, str] | None = None) -> Ended:
+        ended = subprocess.run(
+            [QINIT, *map(str, arguments)],
+            input=stdin,
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env={**os.environ, **(env or {})},
+            timeout=120,
+        )
+        return Ended(ended.returncode, ended.stdout, ended.stderr)
+
+    return call
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> Callable[..., Ended]:
+    """Runs a line of bash with pipefail and with qinit on its path."""
+
+    def call(line: str, env: Mapping[str, str] | None = None) -> Ended:
+        path = f"{QINIT.parent}{os.pathsep}{os.environ['PATH']}"
+        ended = subprocess.run(
+            ["bash", "-c", f"set -o pipefail; {line}"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env={**os.environ, "PATH": path, **(env or {})},
+            timeout=120,
+        )
+        return Ended(ended.returncode, ended.stdout, ended.stderr)
+
+    return call
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """A small store: sources, their fit, and a run of each method on the same targets."""
+
+    store: Path
+    sources: Path
+    fit: Path
+    runs: Mapping[str, Path]
+
+
+@pytest.fixture(scope="session")
+def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+    """Made once; look, do not touch."""
+    from qinit_cli.methods import METHODS
+
+    store = tmp_path_factory.mktemp("pipeline") / "store"
+
+    def made(*arguments: object) -> Path:
+        ended = run_here([*map(str, arguments), "--store", str(store), "--quiet"])
+        assert ended.code == 0, ended.err
+        return ended.path
+
+    sources = made("train-sources", *SMALL_SOURCES)
+    fit = made("fit", sources)
+    runs = {
+        name: made("transfer", name, fit, *SMALL_TARGETS)
+        for name, method in METHODS.items()
+        if not method.privileged
+    }
+    return Pipeline(store, sources, fit, runs)

@@ -1,0 +1,171 @@
+"""Imports point one way: app -> commands -> stages -> methods -> environments -> kernels, and qinit_cli -> store."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+OURS = ("qinit_cli", "store")
+HEAVY = {"numpy", "scipy", "h5py", "numba", "matplotlib", "pandas", "dask"}
+LAYERS = (  # from the top; a file imports from its own layer and those below
+    ("qinit_cli.__main__",),
+    ("qinit_cli.app",),
+    ("qinit_cli.commands",),
+    ("qinit_cli.stages",),
+    ("qinit_cli.methods",),
+    ("qinit_cli.environments",),
+    ("qinit_cli.kernels",),
+)
+
+
+def _modules() -> dict[str, Path]:
+    found = {}
+    for top in OURS:
+        for path in sorted((ROOT / top).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = _modules()
+
+
+def _imported(tree: ast.AST, *, at_run_time: bool) -> Iterator[str]:
+    """The absolute names that a tree imports; with `at_run_time` not those under TYPE_CHECKING."""
+    for node in ast.iter_child_nodes(tree):
+        if at_run_time and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"a relative import of {node.module}"
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                yield full if full in MODULES else str(node.module)
+        yield from _imported(node, at_run_time=at_run_time)
+
+
+def _everything(module: str) -> set[str]:
+    return set(_imported(ast.parse(MODULES[module].read_text()), at_run_time=False))
+
+
+def _when_loaded(module: str) -> set[str]:
+    """What importing the module imports at once: nothing inside functions, nothing for types alone."""
+    tree = ast.parse(MODULES[module].read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [ast.Pass()]
+    return set(_imported(tree, at_run_time=True))
+
+
+def _under(module: str, packages: tuple[str, ...]) -> bool:
+    return any(module == package or module.startswith(package + ".") for package in packages)
+
+
+def _layer(module: str) -> int | None:
+    return next((depth for depth, packages in enumerate(LAYERS) if _under(module, packages)), None)
+
+
+def test_the_modules_are_found() -> None:
+    assert {"qinit_cli.app", "qinit_cli.kernels.gridworld", "store.work"} <= MODULES.keys()
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if _layer(module) is not None])
+def test_no_layer_imports_one_above_it(module: str) -> None:
+    own = _layer(module)
+    above = {name for name in _everything(module) if (layer := _layer(name)) is not None and layer < own}  # type: ignore[operator]
+    assert not above
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("store",))])
+def test_the_store_imports_nothing_of_ours_and_numpy_and_h5py_alone(module: str) -> None:
+    foreign = {
+        name.partition(".")[0]
+        for name in _everything(module)
+        if name.partition(".")[0] not in sys.stdlib_module_names
+    }
+    assert foreign <= {"store", "numpy", "h5py"}
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("qinit_cli.kernels",))])
+def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
+    others = (
+        "qinit_cli.app",
+        "qinit_cli.commands",
+        "qinit_cli.stages",
+        "qinit_cli.methods",
+        "qinit_cli.environments",
+        "qinit_cli.analysis",
+        "qinit_cli.figures",
+        "store",
+    )
+    assert not {name for name in _everything(module) if _under(name, others)}
+
+
+@pytest.mark.parametrize(
+    "module", [module for module in MODULES if _under(module, ("qinit_cli.analysis", "qinit_cli.figures"))]
+)
+def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> None:
+    others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.stages", "store")
+    assert not {name for name in _everything(module) if _under(name, others)}
+
+
+def test_matplotlib_is_imported_by_figures_alone() -> None:
+    users = {
+        module
+        for module in MODULES
+        if any(_under(name, ("matplotlib",)) for name in _everything(module))
+        and not _under(module, ("qinit_cli.figures",))
+    }
+    assert not users
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    graph = {module: _when_loaded(module) & MODULES.keys() for module in MODULES}
+    # a package's own file may name what is in it, whose import first loads the package: that is no circle
+    finished: set[str] = set()
+
+    def visit(module: str, trail: tuple[str, ...]) -> None:
+        assert module not in trail, " -> ".join((*trail, module))
+        if module in finished:
+            return
+        for following in graph[module]:
+            visit(following, (*trail, module))
+        finished.add(module)
+
+    for module in graph:
+        visit(module, ())
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        module
+        for module in MODULES
+        if _under(
+            module, ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.methods", "qinit_cli.environments")
+        )
+    ],
+)
+def test_what_help_needs_imports_nothing_heavy_when_loaded(module: str) -> None:
+    assert not {name for name in _when_loaded(module) if name.partition(".")[0] in HEAVY}
+
+
+def test_every_module_can_be_the_first_one_imported() -> None:
+    script = (
+        "import importlib, sys\n"
+        "for name in sys.argv[1:]:\n"
+        "    for loaded in [m for m in sys.modules if m.partition('.')[0] in ('qinit_cli', 'store')]:\n"
+        "        del sys.modules[loaded]\n"
+        "    importlib.import_module(name)\n"
+    )
+    modules = [module for module in MODULES if not module.startswith("qinit_cli.kernels")]
+    assert all(importlib.util.find_spec(module) for module in modules)
+    subprocess.run([sys.executable, "-c", script, *modules], check=True, timeout=60)
