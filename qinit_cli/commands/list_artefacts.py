@@ -36,10 +36,10 @@ def list_artefacts(tabular: Tabular, reading: Reading, display: Display) -> None
     columns = [
         TableColumn("kind"),
         TableColumn("name"),
-        TableColumn("family"),
+        TableColumn("family", dispensable=True),
         TableColumn("tasks"),
         TableColumn("made"),
-        TableColumn("megabytes", digits=2),
+        TableColumn("megabytes", "MB", 2, dispensable=True),
         TableColumn("state"),
     ]
     print_table("qinit.list/1", columns, [_row(entry) for entry in entries], tabular, display)
@@ -57,7 +57,7 @@ def _row(entry: Description) -> dict[str, Any]:
         "name": entry.path.stem,
         "family": settings.get("family", {}).get("name", ""),
         "tasks": entry.tasks or settings.get("tasks"),
-        "made": entry.provenance.get("time", ""),
+        "made": entry.provenance.get("time", "")[:16].replace("T", " "),
         "megabytes": entry.size / 1e6,
         "state": entry.state if not entry.problem else f"{entry.state}: {entry.problem}",
     }

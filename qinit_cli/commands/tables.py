@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 
-FOLDED_WIDTH = 20  # the narrowest that a column of longer texts is folded to
+UNBOUNDED = 10_000  # columns, wider than any table
+FOLDED_WIDTH = 18  # the narrowest that a column of longer texts is folded to
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,11 @@ def _print_rich(
     dropped: list[TableColumn] = []
     while True:
         table = _rich_table(shown, rows, title, caption)
-        fits = Measurement.get(terminal, terminal.options, table).minimum <= terminal.width
+        # measured with room to spare: a measure never exceeds the width that it is given
+        fits = (
+            Measurement.get(terminal, terminal.options.update(width=UNBOUNDED), table).minimum
+            <= terminal.width
+        )
         dispensable = [column for column in shown if column.dispensable]
         if fits or not dispensable:
             break
