@@ -110,12 +110,9 @@ def _print_rich(
     while True:
         table = _rich_table(shown, rows, title, caption)
         # measured with room to spare: a measure never exceeds the width that it is given
-        fits = (
-            Measurement.get(terminal, terminal.options.update(width=UNBOUNDED), table).minimum
-            <= terminal.width
-        )
+        needed = Measurement.get(terminal, terminal.options.update(width=UNBOUNDED), table).minimum
         dispensable = [column for column in shown if column.dispensable]
-        if fits or not dispensable:
+        if needed <= terminal.width or not dispensable:
             break
         dropped.insert(0, dispensable[-1])
         shown.remove(dispensable[-1])
@@ -140,8 +137,13 @@ def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row], title: str,
     )
     for column in columns:
         numeric = any(isinstance(row[column.key], int | float) for row in rows)
+        longest = max((len(column.text(row)) for row in rows), default=0)
         table.add_column(
-            column.title, justify="right" if numeric else "left", no_wrap=numeric, overflow="fold"
+            column.title,
+            justify="right" if numeric else "left",
+            no_wrap=numeric or longest <= FOLDED_WIDTH,
+            overflow="fold",
+            min_width=None if numeric else min(longest, FOLDED_WIDTH),
         )
     for row in rows:
         table.add_row(*(column.lines(row) for column in columns))
