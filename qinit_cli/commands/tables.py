@@ -143,7 +143,7 @@ def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row], title: str,
             justify="right" if numeric else "left",
             no_wrap=numeric or longest <= FOLDED_WIDTH,
             overflow="fold",
-            min_width=None if numeric else min(longest, FOLDED_WIDTH),
+            min_width=max(len(column.title), 0 if numeric else min(longest, FOLDED_WIDTH)),
         )
     for row in rows:
         table.add_row(*(column.lines(row) for column in columns))
