@@ -202,8 +202,8 @@ class Gridworld:
 
     def _within(self, low: float, high: float) -> float:
         mean, deviation = self.mean or 0.0, math.sqrt(self.variance or 0.0)
-        if deviation == 0:
-            return float(low <= mean < high)
+        if mean + deviation == mean:  # every draw is the mean, rounded as draws are
+            return float(low < round(mean) < high)
         return (
             math.erf((high - mean) / deviation / math.sqrt(2))
             - math.erf((low - mean) / deviation / math.sqrt(2))
