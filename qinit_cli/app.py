@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from qinit_cli import __version__
-from qinit_cli.commands import compare, fit, list_artefacts, plot, train_sources, transfer
+from qinit_cli import __version__, configuration
+from qinit_cli.commands import compare, config, fit, list_artefacts, plot, train_sources, transfer
+from qinit_cli.commands.build import option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
@@ -21,8 +22,8 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-for command in (train_sources, fit, transfer, compare, plot, list_artefacts):
-    command.add_to(app)
+for module in (train_sources, fit, transfer, compare, plot, list_artefacts, config):
+    module.add_to(app)
 
 
 def _print_version(asked: bool) -> None:
@@ -46,7 +47,10 @@ def root(
 def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit code; every error is one sentence on stderr."""
     try:
-        code = app(args=arguments, prog_name="qinit", standalone_mode=False)
+        command = typer.main.get_command(app)
+        code = command.main(
+            args=arguments, prog_name="qinit", standalone_mode=False, default_map=_configured(command)
+        )
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except Interrupted as interrupted:
@@ -63,6 +67,15 @@ def run(arguments: list[str]) -> int:
         if "--debug" in arguments:
             raise
         return _say(*_sentence(error))
+
+
+def _configured(command: object) -> dict[str, object] | None:
+    """Defaults from configuration files, with every QINIT_* variable known; None where there are neither."""
+    if not configuration.files() and not any(name.startswith(configuration.PREFIX) for name in os.environ):
+        return None
+    commands = option_names(command)
+    configuration.check_variables(commands)
+    return configuration.defaults(commands, configuration.settings(commands))
 
 
 def _sentence(error: Exception) -> tuple[str, int]:

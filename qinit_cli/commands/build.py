@@ -6,7 +6,7 @@ Families, methods and the shared groups declare their options once (qinit_cli.fi
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field
 from typing import Annotated, Any, get_type_hints
 
@@ -81,16 +81,45 @@ def add_command(
     *,
     references: tuple[Reference, ...] = (),
     help: str,
+    panel: str | None = None,
+    in_context: bool = False,
 ) -> None:
-    """Adds to `app` the command `name`, which calls `run` with one instance per group and the references as they were typed."""
+    """Adds to `app` the command `name`, which calls `run` with one instance per group and the references as they were typed.
+
+    `panel` is the group of commands it stands in; with `in_context` it also receives typer's context.
+    """
 
     def command(**values: Any) -> None:
         typed = {reference.name: values[reference.name] for reference in references}
+        if in_context:
+            typed["context"] = values["context"]
         run(**typed, **{key: group.instance(values) for key, group in groups.items()})
 
     parameters = [reference.parameter() for reference in references]
+    if in_context:
+        keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        parameters.insert(0, inspect.Parameter("context", keyword, annotation=typer.Context))
     for group in groups.values():
         parameters += group.parameters()
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    app.command(name, help=help, no_args_is_help=bool(references))(command)
+    app.command(name, help=help, no_args_is_help=bool(references), rich_help_panel=panel)(command)
+
+
+def walk(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Every command below a built one with the options that a configuration may set, in order."""
+    below = getattr(command, "commands", None)
+    if below is None:
+        yield path, [parameter for parameter in command.params if _is_setting(parameter)]
+        return
+    for name, subcommand in below.items():
+        yield from walk(subcommand, (*path, name))
+
+
+def option_names(command: Any) -> dict[tuple[str, ...], frozenset[str]]:
+    """The names of the options of every command below a built one."""
+    return {path: frozenset(parameter.name for parameter in parameters) for path, parameters in walk(command)}
+
+
+def _is_setting(parameter: Any) -> bool:
+    return parameter.param_type_name == "option" and parameter.envvar is not None
