@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,10 +14,11 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
+from store import guard
 from store.digest import content_sha256, task_digests
 from store.encoding import MIN_READER, SCHEMA_VERSION
-from store.errors import Damaged, NotFound, Refused, StoreError, SystemFailed
-from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema
+from store.errors import Damaged, Refused, StoreError
+from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
 from store.spec import canonical_json, spec_sha256
 
 KINDS = ("sources", "fit", "run")
@@ -49,7 +48,7 @@ class Description:
 class Artefact:
     """An open artefact whose content hash holds; task rows are verified as they are read."""
 
-    def __init__(self, file: h5py.File, description: Description, format: str) -> None:
+    def __init__(self, file: h5py.File, description: Description, format: str, *, trust: bool) -> None:
         self._file = file
         self._description = description
         self.path = description.path
@@ -63,7 +62,12 @@ class Artefact:
         self.format = format
         with _trouble_is_damage(self.path):
             self.schema, self.tasks, self._digests, self._statics = _contents(file, description.kind)
-        self._verify_content()
+            lack = missing(self.schema, part=format.startswith("qinit/part/"))
+            if lack:
+                raise ValueError(f"it lacks {lack}")
+            self.trouble = self._content_trouble()
+        if self.trouble and trust:
+            raise Damaged(f"{self.path} is damaged: {self.trouble}; see {_verify(self.path)}")
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -135,6 +139,26 @@ class Artefact:
         rows = {column.name: self._file[column.name][first:stop] for column in self.schema.task_columns}
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
+    def damaged_tasks(self) -> Array:
+        """The ids of the tasks that cannot be read or whose digest does not hold."""
+        found = [self._damaged(first) for first in range(0, self.task_count, self.schema.block_size)]
+        return np.concatenate([self.tasks[:0], *found])
+
+    def _damaged(self, first: int) -> Array:
+        stop = min(first + self.schema.block_size, self.task_count)
+        try:
+            return self._wrong(first, self._unverified(first, stop))
+        except HDF5_TROUBLE:
+            return np.array(
+                [self.tasks[row] for row in range(first, stop) if not self._holds(row)], dtype=np.int64
+            )
+
+    def _holds(self, row: int) -> bool:
+        try:
+            return not self._wrong(row, self._unverified(row, row + 1)).size
+        except HDF5_TROUBLE:
+            return False
+
     def _wrong(self, first: int, rows: dict[str, Array]) -> Array:
         stored = self._digests[first : first + rows[TASK].size]
         found = task_digests(self.schema.task_columns, rows[TASK], rows)
@@ -148,13 +172,15 @@ class Artefact:
         there = ", ".join(sorted(column.name for column in self.schema.columns))
         raise Refused(f"{self.path} has no {name} for each task; it has {there}")
 
-    def _verify_content(self) -> None:
+    def _content_trouble(self) -> str:
+        """What does not hold of the content as a whole, tasks apart; "" where all does."""
+        if spec_sha256(self.spec) != self.spec_sha256:
+            return "its settings are not those it was written with"
+        if self.task_count != self._description.tasks:
+            return f"it holds {self.task_count} tasks, not {self._description.tasks}"
         spec_json = canonical_json(self.spec)
         found = content_sha256(self.kind, spec_json, self.tasks, self._digests, self._statics)
-        if found != self.content_sha256 or spec_sha256(self.spec) != self.spec_sha256:
-            raise Damaged(f"{self.path} is damaged: its content hash does not hold; see {_verify(self.path)}")
-        if self.task_count != self._description.tasks:
-            raise Damaged(f"{self.path} is damaged: {self.task_count} tasks, not {self._description.tasks}")
+        return "" if found == self.content_sha256 else "its content hash does not hold"
 
 
 def open_artefact(path: Path, kind: str | None = None) -> Artefact:
@@ -164,6 +190,11 @@ def open_artefact(path: Path, kind: str | None = None) -> Artefact:
     """
     formats = (f"qinit/{kind}",) if kind else tuple(f"qinit/{one}" for one in KINDS)
     return _open(path, formats)
+
+
+def open_doubtful(path: Path) -> Artefact:
+    """An artefact whose content hash need not hold: `trouble` says what does not. For verify and salvage."""
+    return _open(path, tuple(f"qinit/{one}" for one in KINDS), trust=False)
 
 
 def open_part(path: Path, kind: str) -> Artefact:
@@ -178,35 +209,28 @@ def describe(path: Path) -> Description:
         return _described(path, file, size)[0]
 
 
-def _open(path: Path, formats: tuple[str, ...]) -> Artefact:
+def _open(path: Path, formats: tuple[str, ...], *, trust: bool = True) -> Artefact:
     file, size = _opened(path)
     try:
         description, format = _described(path, file, size)
         if format not in formats:
             wanted = " or ".join(one.removeprefix("qinit/") for one in formats)
             raise Refused(f"{path} holds a {format.removeprefix('qinit/')}; wanted {wanted}")
-        return Artefact(file, description, format)
+        return Artefact(file, description, format, trust=trust)
     except BaseException:
         file.close()
         raise
 
 
 def _opened(path: Path) -> tuple[h5py.File, int]:
-    try:
-        status = os.stat(path)
-        os.close(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))
-    except (FileNotFoundError, NotADirectoryError):
-        raise NotFound(f"there is no {path}; `qinit list` shows what there is") from None
-    except OSError as problem:
-        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
-    if not stat.S_ISREG(status.st_mode):
-        raise Damaged(f"{path} is no regular file")
+    size = guard.checked_file(path)
     with _trouble_is_damage(path):
-        return h5py.File(path, "r", locking=False), status.st_size
+        return h5py.File(path, "r", locking=False), size  # immutable once named, so there is nothing to lock
 
 
 def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str]:
     with _trouble_is_damage(path):
+        guard.check_attributes(file.id)
         format = _text(file.attrs, "qinit_format")
         known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
         if known is None:
@@ -220,11 +244,11 @@ def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str
         description = Description(
             path=path,
             kind=known[1],
-            spec=json.loads(_text(file.attrs, "spec_json")),
+            spec=dict(json.loads(_text(file.attrs, "spec_json"))),
             spec_sha256=_text(file.attrs, "spec_sha256"),
             content_sha256=_text(file.attrs, "content_sha256"),
-            provenance=json.loads(_text(file.attrs, "provenance_json")),
-            inputs=tuple(json.loads(_text(file.attrs, "inputs_json"))),
+            provenance=dict(json.loads(_text(file.attrs, "provenance_json"))),
+            inputs=tuple(dict(one) for one in json.loads(_text(file.attrs, "inputs_json"))),
             tasks=int(file.attrs["tasks"]),
             schema_version=int(file.attrs["qinit_schema"]),
             size=size,
@@ -234,12 +258,13 @@ def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str
 
 def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[str, Array]]:
     """Schema, task ids, task digests and every dataset without a task axis."""
-    datasets = {name: file[name] for name in sorted(file)}
+    datasets = guard.checked_datasets(file)
     dims = {name: tuple(_text(dataset.attrs, "dims").split(" ")) for name, dataset in datasets.items()}
+    guard.check_shares(datasets, {name for name in dims if dims[name][0] == TASK})
     axes = tuple(_axis(name, datasets[name]) for name in dims if dims[name] == (name,) and name != TASK)
     names = [name for name in dims if name not in {TASK, *(axis.name for axis in axes)}]
     schema = Schema(kind, axes, tuple(_read_column(name, datasets[name], dims[name]) for name in names))
-    ids: Array = datasets[TASK][...] if schema.task_columns else np.empty(0, dtype=np.int64)
+    ids: Array = _ids(datasets[TASK]) if schema.task_columns else np.empty(0, dtype=np.int64)
     for column in schema.columns:
         led = (ids.size,) if column.per_task else ()
         if datasets[column.name].shape != (*led, *schema.row_shape(column)):
@@ -248,6 +273,15 @@ def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[st
     statics |= {column.name: datasets[column.name][...] for column in schema.static_columns}
     none = np.empty((0, DIGEST_BYTES), dtype=np.uint8)
     return schema, ids, datasets[TASK_DIGEST][...] if schema.task_columns else none, statics
+
+
+def _ids(dataset: h5py.Dataset) -> Array:
+    if dataset.dtype != np.dtype("<i8") or dataset.ndim != 1:
+        raise ValueError("the task ids are no row of whole numbers")
+    ids: Array = dataset[...]
+    if (ids < 0).any() or (np.diff(ids) <= 0).any():
+        raise ValueError("the task ids do not ascend")
+    return ids
 
 
 def _axis(name: str, dataset: h5py.Dataset) -> Axis:

@@ -217,6 +217,53 @@ def run_schema(
     return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
 
 
+def missing(schema: Schema, *, part: bool) -> str:
+    """The first column its kind must have that `schema` lacks or has otherwise; "" where it has all.
+
+    A `part` file needs only the columns with a task axis. There may be others: parameters, and what later versions
+    add.
+    """
+    there = {column.name: column for column in schema.columns}
+    table = there.get({"sources": "q", "fit": "mu", "run": "start"}[schema.kind])
+    dims = () if table is None else tuple(name for name in table.dims if name != TASK)
+    if part and schema.kind == "run":
+        return "" if {"steps", "reached", TASK_DIGEST} <= there.keys() else "steps, reached or task_digest"
+    if len(dims) < 2:
+        return "its tables over states and actions"
+    for wanted in _least(schema.kind, dims):
+        found = there.get(wanted.name)
+        free = schema.kind == "run" and wanted.name in ("start", "potential")
+        if found is None or not _serves(found, wanted, free):
+            return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
+    return ""
+
+
+def _least(kind: str, dims: tuple[str, ...]) -> tuple[Column, ...]:
+    """The columns of `kind` whatever its options, for tables over `dims`."""
+    *state_axes, action = (Axis(name, np.arange(1)) for name in dims)
+    states = tuple(state_axes)
+    if kind == "sources":
+        return sources_schema(states, action, (), 0).columns
+    if kind == "fit":
+        return fit_schema(states, action, 1).columns
+    return run_schema(
+        states,
+        action,
+        (),
+        1,
+        start_per_task=False,
+        potential_per_task=False,
+        exact_values=False,
+        evaluations=0,
+        keep_q=False,
+    ).columns
+
+
+def _serves(found: Column, wanted: Column, free: bool) -> bool:
+    dims = found.dims[1:] if free and found.per_task else found.dims
+    return (dims, found.little_endian, found.hashed) == (wanted.dims, wanted.little_endian, wanted.hashed)
+
+
 def _keeping() -> tuple[Column, ...]:
     return (
         Column(

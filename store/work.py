@@ -18,7 +18,7 @@ from store.disk import Disk
 from store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
 from store.lock import held
 from store.reading import Artefact, open_artefact, open_part
-from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema
+from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
 from store.spec import Spec, canonical_json, difference, without_tasks
 
 DISK = Disk()
@@ -68,6 +68,9 @@ class Work:
         self, target: Path, schema: Schema, spec: Spec, provenance: dict[str, Any], *, force: bool, disk: Disk
     ) -> None:
         canonical_json(spec)
+        lack = missing(schema, part=False)
+        if lack:
+            raise ValueError(f"{schema.kind}: the schema lacks {lack}")
         self.target = target
         self.folder = folder.work_folder(target)
         self.complete = False

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from fakes import LIGHT, narrow_schema, rows_for, spec_for
+from fakes import LIGHT, narrow_schema, rows_for, spec_for, statics_for
 
 from store.errors import StoreError
 from store.reading import open_artefact
@@ -30,23 +30,25 @@ def make(path, tasks, hold=""):
         for number in np.setdiff1d(np.arange(tasks), work.saved).tolist():
             work.save(rows_for([number], LIGHT), np.array([number]))
             say(number)
-        work.finish(np.arange(tasks))
+        work.finish(np.arange(tasks), statics_for(LIGHT))
 
 
 def finish_large(path, tasks, kilobytes):
     """Say the memory in MB before any work, after the parts, and after publishing and reading by blocks."""
-    schema = narrow_schema(kilobytes * 1024 // 8)
+    schema = narrow_schema(kilobytes * 1024 // 8, keep_q=True)
     pattern = np.tile(np.arange(64.0), kilobytes * 1024 // 8 // 64)
     say(peak())
     with open_work(path, schema, spec_for(tasks)) as work:
         for first in range(0, tasks, 16):
             ids = np.arange(first, min(first + 16, tasks))
-            work.save({"q": pattern + ids[:, None]}, ids)
+            short = {"steps": np.ones((ids.size, 3), "i4"), "reached": np.ones((ids.size, 3), "u1")}
+            table = (pattern + ids[:, None])[:, :, None]
+            work.save({"q": table, "seconds": np.ones(ids.size), **short}, ids)
         say(peak())
-        work.finish(np.arange(tasks))
+        work.finish(np.arange(tasks), statics_for(schema))
     with open_artefact(path) as artefact:
         for block in artefact.blocks(["q"], 16):
-            assert np.array_equal(block["q"], pattern + block["task"][:, None])
+            assert np.array_equal(block["q"][:, :, 0], pattern + block["task"][:, None])
     say(peak())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from store.schema import Axis, Column, Schema, fit_schema, run_schema, sources_schema
+from store.schema import Axis, Column, fit_schema, run_schema, sources_schema
 from store.work import open_work
 
 ROW = Axis("row", np.arange(3))
@@ -61,7 +61,7 @@ def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, 
         for first in range(0, left.size, batch):
             some = left[first : first + batch]
             work.save(rows_for(some, schema), some)
-        return work.finish(np.arange(tasks), {}, provenance, [])
+        return work.finish(np.arange(tasks), statics_for(schema), provenance, [])
 
 
 def make_fit(path, seed=0, inputs=()):
@@ -90,14 +90,22 @@ def make_run(path, tasks=4, episodes=8, keep_q=True):
         return work.finish(ids, statics_for(schema), {"command": "qinit transfer zero"}, [])
 
 
-def narrow_schema(length):
-    """Tasks of one column of `length` * 8 bytes: for tests of size, and where a thousand artefacts are made."""
-    return Schema("sources", (Axis("place", np.arange(length)), SOURCES.axes[-1]), NARROW)
+def narrow_schema(length, keep_q=False):
+    """The least there can be, with final tables of `length` * 8 bytes a task where `keep_q`.
 
+    For tests of size, and where hundreds of artefacts are made.
+    """
+    return run_schema(
+        (Axis("place", np.arange(length)),),
+        Axis("action", np.arange(1)),
+        (),
+        3,
+        start_per_task=False,
+        potential_per_task=False,
+        exact_values=False,
+        evaluations=0,
+        keep_q=keep_q,
+    )
 
-NARROW = (
-    Column("q", ("task", "place"), "f8"),
-    *(column for column in SOURCES.columns if column.name == "task_digest"),
-)
 
 LIGHT = narrow_schema(4)

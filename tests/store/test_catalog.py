@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fakes import LIGHT, SOURCES, make_fit, make_sources, rows_for, spec_for
+from fakes import SOURCES, make_fit, make_sources, rows_for, spec_for
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,13 +39,13 @@ def test_a_name_is_plain_or_refused(stem):
 
 
 def test_a_reference_is_a_name_with_or_without_its_ending(store):
-    path = make_sources(store.root / "sources" / "grid.h5", schema=LIGHT)
+    path = make_sources(store.root / "sources" / "grid.h5")
     for reference in ("grid", "grid.h5", "sources/grid", "sources/grid.h5", str(path)):
         assert store.resolve(reference) == path
 
 
 def test_a_name_in_two_folders_is_told_apart_by_its_folder(store):
-    make_sources(store.root / "sources" / "grid.h5", schema=LIGHT)
+    make_sources(store.root / "sources" / "grid.h5")
     make_fit(store.root / "fits" / "grid.h5")
     with pytest.raises(Refused, match="sources/grid and fits/grid"):
         store.resolve("grid")
@@ -53,7 +53,7 @@ def test_a_name_in_two_folders_is_told_apart_by_its_folder(store):
 
 
 def test_a_missing_name_comes_with_the_nearest(store):
-    make_sources(store.root / "sources" / "gridworld-7.h5", schema=LIGHT)
+    make_sources(store.root / "sources" / "gridworld-7.h5")
     with pytest.raises(NotFound, match=r"did you mean gridworld-7\?"):
         store.resolve("gridwrold-7")
 
@@ -72,14 +72,14 @@ def test_what_is_no_name_is_refused(store, reference):
 
 def test_a_path_wins_over_a_name(store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    make_sources(store.root / "sources" / "grid.h5", schema=LIGHT)
-    make_sources(tmp_path / "grid.h5", schema=LIGHT)
+    make_sources(store.root / "sources" / "grid.h5")
+    make_sources(tmp_path / "grid.h5")
     assert store.resolve("grid.h5").resolve() == tmp_path / "grid.h5"
     assert store.resolve("grid").parent.name == "sources"
 
 
 def test_entries_show_finished_unfinished_and_damaged(store):
-    make_sources(store.root / "sources" / "whole.h5", tasks=3, schema=LIGHT)
+    make_sources(store.root / "sources" / "whole.h5", tasks=3)
     make_fit(store.root / "fits" / "fit.h5")
     begun = store.root / "sources" / "begun.h5"
     (store.root / "fits" / "spoilt.h5").write_bytes(b"nothing of ours")
@@ -107,7 +107,7 @@ def test_an_empty_store_has_no_entries(store):
 
 def test_relatives_differ_in_the_number_of_tasks_alone(store):
     for tasks in (2, 5):
-        make_sources(store.path_for("sources", "grid", spec_for(tasks)), tasks=tasks, schema=LIGHT)
+        make_sources(store.path_for("sources", "grid", spec_for(tasks)), tasks=tasks)
     other = spec_for(2, seed=1)
-    make_sources(store.path_for("sources", "grid", other), tasks=2, spec=other, schema=LIGHT)
+    make_sources(store.path_for("sources", "grid", other), tasks=2, spec=other)
     assert [entry.tasks for entry in store.relatives("sources", spec_for(9))] == [5, 2]

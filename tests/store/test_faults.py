@@ -8,7 +8,7 @@ import os
 import numpy as np
 import pytest
 from breakable import Breakable, Full, Killed, ShortWrites, count_operations
-from fakes import LIGHT, make_sources, rows_for, spec_for
+from fakes import LIGHT, make_sources, rows_for, spec_for, statics_for
 
 from store.disk import Disk
 from store.errors import SystemFailed
@@ -81,7 +81,7 @@ def report(path, disk, reported):
         for some in ([0, 1, 2], [3, 4, 5]):
             work.save(rows_for(some, LIGHT), np.array(some))
             reported += some
-        work.finish(np.arange(6))
+        work.finish(np.arange(6), statics_for(LIGHT))
 
 
 def test_what_was_reported_as_saved_is_there_after_a_kill_at_any_later_operation(tmp_path):
@@ -195,7 +195,7 @@ def save_twice_over(path, disk):
                 work.save(rows_for(some, LIGHT), np.array(some))
             except KeyboardInterrupt:
                 work.save(rows_for(some, LIGHT), np.array(some))
-        work.finish(np.arange(6))
+        work.finish(np.arange(6), statics_for(LIGHT))
 
 
 def test_an_interrupted_save_can_be_made_again_at_once(path, straight):

@@ -1,0 +1,167 @@
+"""What may be opened of a file that nobody vouches for; everything else is refused before it is followed.
+
+A file may point outside itself (external and soft links, external and virtual storage), run code (filters are
+plug-ins) and ask for any amount of memory (shapes, chunks, compressed streams). Artefacts are flat, so nothing but
+hard links from the root to datasets is accepted, and each is looked at before it is opened, or read.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import zlib
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from store.errors import Damaged, NotFound, SystemFailed
+from store.schema import NAME, TASK, TASK_DIGEST
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+
+GIB = 1024**3
+LARGEST_FILE = 256 * GIB
+LARGEST_DECLARED = 1024 * GIB  # all datasets, as they would be in memory
+LARGEST_STATIC = 1 * GIB  # what is read whole: datasets without a task axis, ids and digests
+LARGEST_TASK = GIB // 2  # one task over all columns
+LARGEST_CHUNK = 64 * 1024**2
+LARGEST_ATTRIBUTE = 4 * 1024**2
+MOST_DATASETS = 256
+MOST_ATTRIBUTES = 64
+
+FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}
+CLASSES = {h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.STRING}
+SCALE_ATTRIBUTES = {b"DIMENSION_LIST", b"REFERENCE_LIST"}  # of variable length; never read
+
+# HDF5 inflates a chunk into a buffer that doubles until the stream ends, whatever the chunk's size; deflate yields at
+# most 1032 bytes for one. Streams that could exceed this are measured first.
+DEFLATE_RATIO = 1032
+LARGEST_INFLATED = 512 * 1024**2
+
+
+def checked_file(path: Path) -> int:
+    """The size of the regular file at `path` that begins as HDF5 does; NotFound, SystemFailed or Damaged."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # a pipe must not hold us
+    except (FileNotFoundError, NotADirectoryError):
+        raise NotFound(f"there is no {path}; `qinit list` shows what there is") from None
+    except OSError as problem:
+        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise Damaged(f"{path} is no regular file")
+        if os.pread(descriptor, len(MAGIC), 0) != MAGIC:
+            raise Damaged(f"{path} is no HDF5 file, or its beginning is damaged")
+    except OSError as problem:
+        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
+    finally:
+        os.close(descriptor)
+    if status.st_size > LARGEST_FILE:
+        raise Damaged(f"{path} is larger than the {LARGEST_FILE // GIB} GiB an artefact may have")
+    return status.st_size
+
+
+def check_attributes(owner: Any) -> None:
+    """ValueError where an attribute of this low-level group or dataset is of a type or size we never write."""
+    names: list[bytes] = []
+    h5py.h5a.iterate(owner, lambda name: names.append(name) if len(names) <= MOST_ATTRIBUTES else True)
+    if len(names) > MOST_ATTRIBUTES:
+        raise ValueError("too many attributes")
+    for name in set(names) - SCALE_ATTRIBUTES:
+        attribute = h5py.h5a.open(owner, name)
+        _check_type(attribute.get_type(), f"attribute {name.decode()}")
+        if (
+            attribute.get_space().get_simple_extent_ndims()
+            or attribute.get_storage_size() > LARGEST_ATTRIBUTE
+        ):
+            raise ValueError(f"attribute {name.decode()} is no single value, or a huge one")
+
+
+def checked_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+    """Every dataset by name, in order; ValueError where the file holds anything we never write."""
+    names = _names(file.id)
+    found = {name: h5py.Dataset(_checked_dataset(file.id, name)) for name in names}
+    declared = {name: dataset.dtype.itemsize * _product(dataset.shape) for name, dataset in found.items()}
+    if sum(declared.values()) > LARGEST_DECLARED:
+        raise ValueError("the datasets declare more bytes than an artefact may have")
+    return found
+
+
+def check_shares(datasets: dict[str, h5py.Dataset], per_task: set[str]) -> None:
+    """ValueError where what must be in memory at once is too much."""
+    whole = [one for name, one in datasets.items() if name not in per_task or name in (TASK, TASK_DIGEST)]
+    if sum(one.dtype.itemsize * _product(one.shape) for one in whole) > LARGEST_STATIC:
+        raise ValueError("the datasets without a task axis declare too many bytes")
+    if (
+        sum(datasets[name].dtype.itemsize * _product(datasets[name].shape[1:]) for name in per_task)
+        > LARGEST_TASK
+    ):
+        raise ValueError("one task declares too many bytes")
+
+
+def _names(root: Any) -> list[str]:
+    names: list[bytes] = []
+    root.links.iterate(lambda name: names.append(name) if len(names) <= MOST_DATASETS else True)
+    if len(names) > MOST_DATASETS:
+        raise ValueError("too many datasets")
+    for name in names:
+        if not NAME.fullmatch(name.decode("ascii")):
+            raise ValueError(f"{name!r} is no name of a dataset")
+        if root.links.get_info(name).type != h5py.h5l.TYPE_HARD:
+            raise ValueError(f"{name.decode()} is a link that leads elsewhere")
+    return sorted(name.decode() for name in names)
+
+
+def _checked_dataset(root: Any, name: str) -> Any:
+    if h5py.h5o.get_info(root, name.encode()).type != h5py.h5o.TYPE_DATASET:
+        raise ValueError(f"{name} is no dataset")
+    dataset = h5py.h5d.open(root, name.encode())
+    settings = dataset.get_create_plist()
+    # Before the shape is asked for: that alone makes HDF5 open the sources of a virtual dataset.
+    if settings.get_layout() not in (h5py.h5d.CHUNKED, h5py.h5d.CONTIGUOUS, h5py.h5d.COMPACT):
+        raise ValueError(f"{name} keeps its data elsewhere")
+    if settings.get_layout() == h5py.h5d.CONTIGUOUS and settings.get_external_count():
+        raise ValueError(f"{name} keeps its data in another file")
+    filters = {settings.get_filter(number)[0] for number in range(settings.get_nfilters())}
+    if filters - FILTERS:
+        raise ValueError(f"{name} needs a filter that is not ours")
+    _check_type(dataset.get_type(), name)
+    space = dataset.get_space()
+    if not space.is_simple() or not 1 <= dataset.rank <= 16:
+        raise ValueError(f"{name} has no dimensions, or too many")
+    if space.get_simple_extent_dims() != space.get_simple_extent_dims(True):
+        raise ValueError(f"{name} could grow, as none of ours can")
+    if settings.get_layout() == h5py.h5d.CHUNKED:
+        _check_chunks(dataset, settings.get_chunk(), name)
+    check_attributes(dataset)
+    return dataset
+
+
+def _check_type(kind: Any, name: str) -> None:
+    if kind.get_class() not in CLASSES or kind.get_size() > LARGEST_ATTRIBUTE:
+        raise ValueError(f"{name} is of a type that is not ours")
+    if kind.get_class() == h5py.h5t.STRING and kind.is_variable_str():
+        raise ValueError(f"{name} is of variable length")
+
+
+def _check_chunks(dataset: Any, chunk: tuple[int, ...], name: str) -> None:
+    size = dataset.get_type().get_size() * _product(chunk)
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"{name} has chunks of more than {LARGEST_CHUNK // 1024**2} MiB")
+    suspects: list[Any] = []
+    dataset.chunk_iter(
+        lambda info: suspects.append(info) if info.size * DEFLATE_RATIO > LARGEST_INFLATED else None
+    )
+    for info in suspects:
+        _, raw = dataset.read_direct_chunk(info.chunk_offset)
+        if len(zlib.decompressobj().decompress(raw, LARGEST_CHUNK + 1)) > LARGEST_CHUNK:
+            raise ValueError(f"{name} has a chunk that inflates beyond its size")
+
+
+def _product(shape: tuple[int, ...]) -> int:
+    product = 1
+    for length in shape:
+        product *= int(length)
+    return product
