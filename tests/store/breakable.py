@@ -83,8 +83,18 @@ class Full(Disk):
         return call()
 
 
-def count_operations(make):
+def operations_of(make):
     """Every (operation, file name) that `make(disk)` asks of the disk, in order."""
     disk = Breakable()
     make(disk)
     return disk.done
+
+
+def moments(operations):
+    """The numbers of the operations worth breaking: of a run of writes to one file the first, middle and last."""
+    chosen, first = [], 0
+    for at in range(1, len(operations) + 1):
+        if at == len(operations) or operations[at] != operations[first]:
+            chosen += sorted({first, (first + at - 1) // 2, at - 1})
+            first = at
+    return chosen

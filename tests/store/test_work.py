@@ -417,7 +417,7 @@ def test_a_run_and_a_fit_are_made_the_same_way(tmp_path):
         make_fit(tmp_path / "f.h5", seed=1)
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(order=st.permutations(range(6)), cuts=st.lists(st.integers(0, 6), max_size=4), stops=st.booleans())
 def test_any_order_batching_and_interruption_gives_the_same_content(
     tmp_path_factory, straight, order, cuts, stops
