@@ -47,6 +47,14 @@ class Family(Protocol):
         """The state axes."""
         ...
 
+    def shown_states(self) -> tuple[tuple[float, ...], ...]:
+        """The states whose values a picture shows unless told otherwise: a coordinate on each state axis."""
+        ...
+
+    def goal_chances(self) -> Floats:
+        """How likely each state is to be a task's goal, (S,); zeros where all tasks share one goal."""
+        ...
+
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: one column each."""
         ...

@@ -95,6 +95,25 @@ class Gridworld:
         cells = np.arange(self.size, dtype=np.int32)
         return (Axis("row", cells, "1", "grid row"), Axis("col", cells, "1", "grid column"))
 
+    def shown_states(self) -> tuple[tuple[float, ...], ...]:
+        """The target start, the middle of the goals and the far corner; Figure 5 of the paper."""
+        middle = float(round(2 * self.size / 3 if self.mean is None else self.mean))
+        return (0.0, 0.0), (middle, middle), (self.size - 1.0, self.size - 1.0)
+
+    def goal_chances(self) -> Floats:
+        """How likely each cell is to be a task's goal, (S,): the normal rounded to cells, redrawn off the grid and at the start."""
+        import numpy as np
+
+        line = np.array(
+            [
+                1.0 if self.goals == "uniform" else self._within(cell - 0.5, cell + 0.5)
+                for cell in range(self.size)
+            ]
+        )
+        chances: Floats = np.outer(line, line).ravel()
+        chances[START] = 0.0
+        return chances / chances.sum()
+
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: its goal and the chance that a move goes where it was meant to."""
         from store.schema import Column
