@@ -1,0 +1,238 @@
+"""The arrays of each method, by hand from a tiny made-up fit; and what every method promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from qinit_cli.environments.family import draw_tasks
+from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fitted import Fit
+from qinit_cli.methods import METHODS, Initial, Method, Targets
+from qinit_cli.methods.logqinit_mean import LogQInitMean
+from qinit_cli.methods.logqinit_median import LogQInitMedian
+from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
+from qinit_cli.methods.maxqinit import MaxQInit
+from qinit_cli.methods.mean import Mean
+from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.optimal import Optimal
+from qinit_cli.methods.ucoi import Ucoi
+from qinit_cli.methods.zero import Zero
+from qinit_cli.seeding import Stream
+
+NAN = float("nan")
+FAMILY = Gridworld(size=2)
+UNPRIVILEGED = [name for name, method in METHODS.items() if not method.privileged]
+
+
+def _table(*rows: tuple[float, float, float, float]) -> Any:
+    return np.array(rows)
+
+
+MAX = _table((0.9, 0.5, 0.2, NAN), (0.3, 0.7, 0.1, 0.2), (0.6, 0.6, 0.6, 0.6), (NAN, NAN, NAN, NAN))
+MEDIAN = _table((0.4, 0.2, 0.1, NAN), (0.1, 0.3, 0.1, 0.1), (0.5, 0.25, 0.5, 0.5), (NAN, NAN, NAN, NAN))
+KNOWN = ~np.isnan(MAX)
+LIBRARY = np.stack([np.nan_to_num(MAX), np.nan_to_num(MAX[:, ::-1])])
+
+FIT = Fit(
+    mu=np.log(MEDIAN),
+    sigma=np.where(KNOWN, 0.5, NAN),
+    lognormal_median=MEDIAN,
+    lognormal_mean=MEDIAN * np.exp(0.125),
+    mean=MEDIAN * 1.1,
+    std=np.where(KNOWN, 0.05, NAN),
+    min=MEDIAN / 2,
+    max=MAX,
+    n=np.where(KNOWN, 2, 0),
+    value_mean=np.array([0.5, 0.4, 0.6, 0.0]),
+    library_q=LIBRARY,
+    library_td_var=np.full_like(LIBRARY, 0.01),
+    estimator="mle",
+)
+
+
+def _targets(seed: int) -> Targets:
+    tasks = draw_tasks(FAMILY, seed, Stream.TARGET_TASK, np.arange(3))
+    return Targets(FAMILY, FAMILY.target_learning, tasks)
+
+
+def _initial(method: Method, fit: Fit = FIT) -> Initial:
+    return method.initial(fit, _targets(0))
+
+
+def test_zero_starts_with_nothing() -> None:
+    initial = _initial(Zero())
+    np.testing.assert_array_equal(initial.start, np.zeros((4, 4)))
+    assert (initial.filled, initial.clipped) == (0, 0)
+
+
+def test_maxqinit_is_the_largest_value_and_optimistic_where_nobody_knows() -> None:
+    initial = _initial(MaxQInit())
+    np.testing.assert_array_equal(initial.start, np.where(KNOWN, MAX, 0.9))
+    assert (initial.filled, initial.clipped) == (5, 0)
+
+
+def test_logqinit_median_is_the_fitted_median_and_zero_where_nobody_knows() -> None:
+    initial = _initial(LogQInitMedian())
+    np.testing.assert_array_equal(initial.start, np.where(KNOWN, MEDIAN, 0.0))
+    assert (initial.filled, initial.clipped) == (5, 0)
+
+
+def test_mean_is_the_mean_and_zero_where_nobody_knows() -> None:
+    np.testing.assert_array_equal(_initial(Mean()).start, np.where(KNOWN, MEDIAN * 1.1, 0.0))
+
+
+def test_logqinit_mean_is_the_fitted_mean() -> None:
+    np.testing.assert_array_equal(_initial(LogQInitMean()).start, np.where(KNOWN, MEDIAN * np.exp(0.125), 0))
+
+
+@pytest.mark.parametrize("quantile", [0.025, 0.5, 0.9])
+def test_logqinit_quantile_is_scipys_quantile_of_the_fitted_lognormal(quantile: float) -> None:
+    expected = stats.lognorm.ppf(quantile, 0.5, scale=MEDIAN)
+    start = _initial(LogQInitQuantile(quantile=quantile)).start
+    np.testing.assert_allclose(start[KNOWN], expected[KNOWN].clip(0, 1), rtol=1e-12)
+
+
+def test_logqinit_quantile_is_one_sigma_below_the_median_unless_told_otherwise() -> None:
+    start = _initial(LogQInitQuantile()).start
+    np.testing.assert_allclose(start[KNOWN], MEDIAN[KNOWN] * np.exp(-0.5), rtol=1e-12)
+
+
+@pytest.mark.parametrize("quantile", [0.0, 1.0, -0.1, float("nan")])
+def test_a_quantile_lies_between_zero_and_one(quantile: float) -> None:
+    with pytest.raises(ValueError, match="--quantile is"):
+        LogQInitQuantile(quantile=quantile)
+
+
+def test_a_quantile_of_another_estimator_is_refused_with_the_remedy() -> None:
+    with pytest.raises(NotAllowed, match="this fit has umvue; fit again with --estimator mle"):
+        _initial(LogQInitQuantile(), replace(FIT, estimator="umvue"))
+
+
+def test_ucoi_lies_between_mean_and_maximum_by_confidence_and_spread() -> None:
+    spread = replace(FIT, n=np.full((4, 4), 30), mean=np.full((4, 4), 0.3), max=np.full((4, 4), 0.5))
+    spread = replace(spread, min=np.full((4, 4), 0.1), std=np.full((4, 4), 0.05))
+    # c = 30/40, u = 2 * 0.05 / 0.4 = 1/4, b = 1 - 3/4 * 3/4 = 7/16
+    np.testing.assert_allclose(_initial(Ucoi(), spread).start, 9 / 16 * 0.3 + 7 / 16 * 0.5)
+    # where all sources agree, only their number counts: b = 1 - 3/4
+    agreed = replace(spread, max=spread.mean, min=spread.mean, std=np.zeros((4, 4)))
+    np.testing.assert_allclose(_initial(Ucoi(), agreed).start, 0.3)
+    # values at either end: u = 1, so the maximum
+    apart = replace(spread, std=np.full((4, 4), 0.2))
+    np.testing.assert_allclose(_initial(Ucoi(), apart).start, 0.5)
+    # with kappa 0 a number of sources counts in full: b = u
+    np.testing.assert_allclose(_initial(Ucoi(kappa=0), spread).start, 0.75 * 0.3 + 0.25 * 0.5)
+
+
+def test_optimal_starts_each_target_with_its_own_exact_table() -> None:
+    targets = _targets(0)
+    exact, _ = FAMILY.solve(targets.tasks, targets.learning.gamma)
+    np.testing.assert_array_equal(Optimal().initial(FIT, targets).start, exact)
+    assert len(np.unique(exact, axis=0)) > 1
+
+
+def test_who_reads_the_target_and_whose_formula_is_not_public_is_marked() -> None:
+    assert {name for name, method in METHODS.items() if method.privileged} >= {"optimal"}
+    assert {name for name, method in METHODS.items() if method.reconstructed} >= {"ucoi"}
+    unmarked = {"zero", "mean", "maxqinit", "logqinit-median", "logqinit-mean", "logqinit-quantile"}
+    assert not {name for name in unmarked if METHODS[name].privileged or METHODS[name].reconstructed}
+    assert "reconstruction" in (METHODS["ucoi"].__doc__ or "")
+
+
+@pytest.mark.parametrize(
+    ("method", "elsewhere"),
+    [
+        (MaxQInit(fallback="zero"), 0.0),
+        (MaxQInit(fallback="largest"), 0.9),
+        (LogQInitMedian(fallback="zero"), 0.0),
+        (LogQInitMedian(fallback="largest"), 0.5),  # the largest of its own table, not of the sources
+    ],
+    ids=repr,
+)
+def test_the_fallback_says_what_stands_where_nobody_knows(method: Method, elsewhere: float) -> None:
+    assert set(_initial(method).start[~KNOWN]) == {elsewhere}
+
+
+def test_a_fit_that_knows_nothing_gives_zeros_even_to_the_optimistic() -> None:
+    nothing = replace(FIT, max=np.full((4, 4), NAN), lognormal_median=np.full((4, 4), NAN))
+    for method in (MaxQInit(), LogQInitMedian(fallback="largest")):
+        initial = _initial(method, nothing)
+        np.testing.assert_array_equal(initial.start, np.zeros((4, 4)))
+        assert initial.filled == 16
+
+
+def test_values_above_the_largest_return_and_below_zero_are_clipped_and_counted() -> None:
+    odd = MAX.copy()
+    odd[0, 0], odd[1, 1], odd[1, 2] = 1.5, 2.0, -0.25
+    initial = _initial(MaxQInit(fallback="zero"), replace(FIT, max=odd))
+    assert (initial.start[0, 0], initial.start[1, 1], initial.start[1, 2]) == (1.0, 1.0, 0.0)
+    assert initial.clipped == 3
+    assert initial.start[0, 1] == 0.5
+
+
+def test_an_optimistic_fallback_is_clipped_too() -> None:
+    odd = MAX.copy()
+    odd[0, 0] = 3.0
+    initial = _initial(MaxQInit(), replace(FIT, max=odd))
+    assert set(initial.start[~KNOWN]) == {1.0}
+    assert initial.clipped == 1 + 5
+
+
+def test_an_estimator_without_a_median_is_refused_with_the_remedy() -> None:
+    with pytest.raises(NotAllowed, match="shen, has no median; fit again with --estimator mle"):
+        _initial(LogQInitMedian(), replace(FIT, estimator="shen"))
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_gives_three_arrays_of_the_right_shape(name: str) -> None:
+    initial = _initial(METHODS[name]())
+    leading = (3,) if METHODS[name].privileged else ()
+    assert initial.start.shape in ((4, 4), (*leading, 4, 4))
+    assert initial.potential.shape in ((4,), (*leading, 4))
+    assert initial.policies.shape[1:] == (4,)
+    assert initial.start.dtype == initial.potential.dtype == np.float64
+    assert np.issubdtype(initial.policies.dtype, np.integer)
+    assert ((initial.start >= 0) & (initial.start <= 1)).all()
+    assert np.isfinite(initial.potential).all()
+
+
+@pytest.mark.parametrize("name", UNPRIVILEGED)
+def test_an_unprivileged_method_does_not_look_at_the_targets(name: str) -> None:
+    method = METHODS[name]()
+    one, other = method.initial(FIT, _targets(0)), method.initial(FIT, _targets(1))
+    np.testing.assert_array_equal(one.start, other.start)
+    np.testing.assert_array_equal(one.potential, other.potential)
+    np.testing.assert_array_equal(one.policies, other.policies)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_leaves_the_fit_as_it_was(name: str) -> None:
+    before = {each: getattr(FIT, each).copy() for each in Fit.TABLES}
+    _initial(METHODS[name]())
+    for each, values in before.items():
+        np.testing.assert_array_equal(getattr(FIT, each), values)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_says_what_it_is(name: str) -> None:
+    method = METHODS[name]
+    assert method.name == name
+    assert method.formula
+    assert (method.__doc__ or "").splitlines()[0].strip().endswith(".")
+
+
+@pytest.mark.parametrize("method", [Zero(), MaxQInit(), LogQInitMedian()], ids=repr)
+def test_a_start_table_alone_has_a_neutral_potential_and_no_policies(method: Method) -> None:
+    initial = _initial(method)
+    assert not initial.potential.any()
+    assert initial.policies.shape == (0, 4)
+
+
+def test_a_fallback_that_is_none_of_the_two_is_refused() -> None:
+    with pytest.raises(ValueError, match="--fallback is 'highest'; it is one of zero, largest"):
+        Initialisation(fallback="highest")  # type: ignore[arg-type]
