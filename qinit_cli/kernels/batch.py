@@ -14,9 +14,9 @@ from qinit_cli.kernels.dice import Words, exploration_limit
 from qinit_cli.kernels.lane import BLOCK, ROW, Lanes, Setting, Tasks
 from qinit_cli.learning import Learning
 
-LANES = 4
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
 CACHE_LINE = 64
+NEVER = 1 << 62  # episodes: a lane without a task never reaches its last
 
 
 class Worlds(Protocol):
@@ -27,6 +27,11 @@ class Worlds(Protocol):
 
     @property
     def actions(self) -> int: ...
+
+    @property
+    def lanes(self) -> int:
+        """How many tasks are best learned side by side."""
+        ...
 
     def __len__(self) -> int: ...
 
@@ -110,7 +115,7 @@ def learn(
     chance: Chance,
     records: Records,
     watch: Watch,
-    lanes: int = LANES,
+    lanes: int | None = None,
 ) -> Learned:
     """What the tasks learn. The result of a task depends on its world, start and streams alone, not on its
     batch or on `lanes`.
@@ -136,6 +141,7 @@ def learn(
     )
     visits = np.zeros(shape, np.int64) if records.visits else None
     td_var = np.zeros(shape) if records.td_var else None
+    lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
     arguments = (
         world,
@@ -196,7 +202,7 @@ def _lanes(count: int, states: int) -> Lanes:
         draws=np.zeros(BLOCK, np.uint64),
         choices=np.zeros((count, BLOCK), np.uint16),
         time=np.zeros(count, np.int64),
-        ended=np.zeros(count, np.int64),
+        ended=np.full(count, NEVER),
         lengths=np.zeros((count, BLOCK), np.int64),
     )
 

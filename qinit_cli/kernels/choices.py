@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs
+# mypy: allow-untyped-defs, allow-untyped-calls
 """What a step's draw decides, worked out before the step: a table's index in which only the tied actions are
 missing.
 

@@ -44,10 +44,10 @@ def cache_statement() -> str | None:
     )
 
 
-def needs_compiling(kernel: str) -> bool:
+def needs_compiling(kernel: str, function: str = "advance") -> bool:
     """True if no machine code of this kernel ("gridworld") is kept yet: its first call takes seconds."""
     folder = cache_folder()
-    return folder is None or not any(folder.glob(f"**/{kernel}.advance-*.nbi"))
+    return folder is None or not any(folder.glob(f"**/{kernel}.{function}-*.nbi"))
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Random streams of the compiled loops: xoshiro256++ (Blackman & Vigna, 2021), scalar or in eight interleaved
 lanes.
 

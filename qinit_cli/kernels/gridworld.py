@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Q-learning in the gridworld, compiled: many tasks a call, four side by side.
 
 Cells are numbered row * size + column, actions up, down, left, right. A move goes where it was meant to with
@@ -19,12 +19,6 @@ from qinit_cli.kernels.compiled import inlined, lean
 from qinit_cli.kernels.dice import below, draw_block, slip_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
-    POTENTIAL,
-    ROW,
-    TD_VAR,
-    TD_VAR_RATE,
-    WORTH,
-    WORTH_OF_POTENTIAL,
     end_block,
     is_idle,
     lanes_in_use,
@@ -32,8 +26,8 @@ from qinit_cli.kernels.lane import (
     make_terminal,
     table,
     take,
+    update,
 )
-from qinit_cli.kernels.vectors import add_to_entry
 from qinit_cli.learning import Learning
 
 ALL_ACTIONS = np.uint64(0b1111)
@@ -62,6 +56,7 @@ class Gridworlds:
     start: int = 0  # where episodes start if learning.start is "fixed"
 
     actions: ClassVar[int] = 4
+    lanes: ClassVar[int] = 4
 
     def __post_init__(self) -> None:
         if not (
@@ -214,19 +209,7 @@ def _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var):
     choice = choice | own.ties[cell]
     action = ACTIONS[choice]
     after = moves[4 * cell + DIRECTIONS[choice]]
-    row = ROW * cell
-    target = own.rows[ROW * after + WORTH]
-    if potential is not None:
-        target = target + own.rows[ROW * after + WORTH_OF_POTENTIAL] - own.rows[row + POTENTIAL]
-    error = target - own.rows[row + action]
-    best, tied = add_to_entry(own.rows, row, action, alpha * error)
-    own.rows[row + WORTH] = gamma * best
-    own.ties[cell] = tied
-    if visits is not None:
-        own.visits[row + action] += 1
-    if td_var is not None:
-        spread = own.td_var[row + TD_VAR + action]
-        own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
+    update(own, cell, action, after, alpha, gamma, potential, visits, td_var)
     return after
 
 

@@ -1,4 +1,4 @@
-# mypy: allow-untyped-defs
+# mypy: allow-untyped-defs, allow-untyped-calls
 """A lane: the working memory of the task that learns in it, whatever its family.
 
 Tasks of a batch are learned side by side, a few at a time, because a step waits for the one before it: while
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.vectors import add_to_entry
 
 BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
 ROW = 8
@@ -162,6 +163,24 @@ def end_block(tasks, lanes, lane, episodes):
         tasks.step_count[task] += abs(length)
     tasks.episode[task] = min(lanes.ended[lane], episodes)
     tasks.finished[task] = tasks.episode[task] == episodes
+
+
+@inlined
+def update(own, state, action, after, alpha, gamma, potential, visits, td_var):
+    """Q-learning's update for one step; brings the row of `state`, its ties and tallies up to date."""
+    row = ROW * state
+    target = own.rows[ROW * after + WORTH]
+    if potential is not None:
+        target = target + own.rows[ROW * after + WORTH_OF_POTENTIAL] - own.rows[row + POTENTIAL]
+    error = target - own.rows[row + action]
+    best, tied = add_to_entry(own.rows, row, action, alpha * error)
+    own.rows[row + WORTH] = gamma * best
+    own.ties[state] = tied
+    if visits is not None:
+        own.visits[row + action] += 1
+    if td_var is not None:
+        spread = own.td_var[row + TD_VAR + action]
+        own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
 
 
 @lean

@@ -3,6 +3,7 @@ equal it exactly."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -75,6 +76,91 @@ class Gridworld:
         if 0 <= row < self.size and 0 <= column < self.size:
             self.state = row * self.size + column
         return self.state == self.goal
+
+
+class MountainCar:
+    """One mountain car; the table sees its bin."""
+
+    def __init__(
+        self,
+        bins: int,
+        eta: float,
+        hill: float,
+        start: str,
+        starts: Iterator[int],
+        gusts: Iterator[float] | None = None,
+    ) -> None:
+        self.bins, self.eta, self.hill, self.start, self.starts, self.gusts = (
+            bins,
+            eta,
+            hill,
+            start,
+            starts,
+            gusts,
+        )
+        self.states, self.actions, self.position, self.velocity = bins * bins, 3, -0.5, 0.0
+
+    @property
+    def state(self) -> int:
+        row = min(int((self.position + 1.2) * (self.bins / (0.6 + 1.2))), self.bins - 1)
+        return row * self.bins + min(int((self.velocity + 0.07) * (self.bins / 0.14)), self.bins - 1)
+
+    def reset(self) -> None:
+        self.position, self.velocity = -0.5, 0.0
+        if self.start == "anywhere":
+            self.position = -1.2 + (0.5 + 1.2) * unit(next(self.starts))
+            self.velocity = -0.07 + 0.14 * unit(next(self.starts))
+        elif self.start == "valley":
+            self.position = -0.6 + 0.2 * unit(next(self.starts))
+
+    def step(self, draw: int, action: int) -> bool:
+        """True if the flag was reached."""
+        eta = self.eta if self.gusts is None else next(self.gusts)
+        pushed = eta if self.position >= self.hill else 0.0
+        self.velocity += (action - 1) * 0.001 + cosine(3 * self.position) * -0.0025
+        self.velocity = min(max(self.velocity, -0.07), 0.07)
+        self.position = min(max(self.position + (self.velocity + pushed), -1.2), 0.6)
+        if self.position == -1.2 and self.velocity < 0:
+            self.velocity = 0.0
+        return self.position >= 0.5 and self.velocity >= 0
+
+
+def unit(draw: int) -> float:
+    return (draw >> 11) * 2.0**-53
+
+
+def gusts(eta: float, noise: float, draws: Iterator[int]) -> Iterator[float]:
+    """Pushes around eta by the polar method."""
+    while True:
+        x, y = 2 * unit(next(draws)) - 1, 2 * unit(next(draws)) - 1
+        square = x * x + y * y
+        if 0 < square < 1:
+            scale = noise * math.sqrt(-2 * math.log(square) / square)
+            yield eta + scale * x
+            yield eta + scale * y
+
+
+COS = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
+COS += -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
+SIN = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
+SIN += 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
+
+
+def cosine(y: float) -> float:
+    """fdlibm's cosine, its polynomials summed in pairs."""
+    turns = round(y * (2 / math.pi))
+    rough, correction = y - turns * 1.57079632673412561417, turns * 6.07710050650619224932e-11
+    r = rough - correction
+    rest = (rough - r) - correction
+    z = r * r
+    if turns % 2 == 0:
+        tail = z * ((COS[0] + z * COS[1]) + z * z * ((COS[2] + z * COS[3]) + z * z * (COS[4] + z * COS[5])))
+        head = 1.0 - 0.5 * z
+        value = head + (((1.0 - head) - 0.5 * z) + (z * tail - r * rest))
+    else:
+        tail = (SIN[1] + z * SIN[2]) + z * z * ((SIN[3] + z * SIN[4]) + z * z * SIN[5])
+        value = r - ((z * (0.5 * rest - z * r * tail) - rest) - z * r * SIN[0])
+    return value if turns % 4 in (0, 3) else -value
 
 
 def greedy_actions(values: list[float]) -> list[int]:

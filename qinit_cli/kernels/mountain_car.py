@@ -1,0 +1,282 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Q-learning in Mountain Car, compiled: many tasks a call, eight side by side, whose cars move as one vector.
+
+The dynamics are those of Gymnasium's MountainCar-v0, with a push eta on the right hill. The car's state is
+continuous; the table sees its bin, row position and column velocity. Actions: 0 left, 1 none, 2 right. What a
+task learns depends on its own streams alone, not on its batch.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qinit_cli.kernels.choices import ACTIONS, SLIPS, decide
+from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.cosine import cosine
+from qinit_cli.kernels.dice import Words, draw_block, slip_limit, unit
+from qinit_cli.kernels.lane import (
+    BLOCK,
+    end_block,
+    is_idle,
+    lanes_in_use,
+    leave,
+    make_terminal,
+    table,
+    take,
+    update,
+)
+from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, store_whole, whole
+from qinit_cli.learning import Learning
+
+LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
+FORCE, GRAVITY = 0.001, 0.0025
+PUSHES = np.array([-FORCE, 0.0, FORCE])  # by action
+ALL_ACTIONS = np.uint64(0b111)
+NO_SLIP = slip_limit(np.ones(SLIPS - 1))
+
+ANYWHERE, POINT, VALLEY = 0, 1, 2
+Place = Literal["point", "valley"]
+
+
+class World(NamedTuple):
+    """The mountain cars of a batch as the loop reads them, and where those in the lanes are."""
+
+    eta: Any  # f8 (B,) push of a task
+    hill: float
+    bins: int
+    start: int  # ANYWHERE, POINT or VALLEY
+    noise: float  # standard deviation of a push that is drawn anew every step
+    noise_dice: Any  # u8 (B, 4), or None if pushes belong to tasks
+    position: Any  # f8 (L,)
+    velocity: Any  # f8 (L,)
+    cell: Any  # i8 (L,)
+    after: Any  # i8 (L,) the cell that the step leads to
+    action: Any  # i8 (L,)
+    push: Any  # f8 (L,) of the action
+    lane_eta: Any  # f8 (L,)
+    gusts: Any  # f8 (L * BLOCK,), eta of every step, eight lanes side by side; None if pushes belong to tasks
+    start_position: Any  # f8 (L, BLOCK), e % BLOCK for where the car is after the e-th episode
+    start_velocity: Any  # f8 (L, BLOCK)
+
+
+@dataclass(frozen=True)
+class MountainCars:
+    """Mountain Car tasks to learn, B of them."""
+
+    eta: NDArray[np.float64]  # (B,) added to the position where the position before the step is >= hill
+    hill: float = 0.0
+    bins: int = 30  # along position and velocity
+    start: Place = (
+        "point"  # if learning.start is "fixed": x = -0.5, v = 0, or Gymnasium's x ~ U(-0.6, -0.4), v = 0
+    )
+    noise: float = 0.0  # standard deviation of a further push, drawn every step
+    noise_dice: Words | None = None  # (B, 4) its streams
+
+    actions: ClassVar[int] = 3
+    lanes: ClassVar[int] = EIGHT
+
+    def __post_init__(self) -> None:
+        if self.bins < 1:
+            raise ValueError(f"{self.bins} bins; there must be at least 1")
+        if self.noise > 0 and self.noise_dice is None:
+            raise ValueError("a push drawn every step needs streams of its own: noise_dice")
+
+    @property
+    def states(self) -> int:
+        """Number of bins."""
+        return self.bins**2
+
+    def __len__(self) -> int:
+        return len(self.eta)
+
+    def loop(self, learning: Learning, lanes: int) -> tuple[Any, World]:
+        """The compiled loop and the world it takes."""
+        if lanes % EIGHT:
+            raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
+        gusty = self.noise > 0
+        world = World(
+            eta=np.ascontiguousarray(self.eta, np.float64),
+            hill=float(self.hill),
+            bins=self.bins,
+            start=ANYWHERE if learning.start == "anywhere" else POINT if self.start == "point" else VALLEY,
+            noise=float(self.noise),
+            noise_dice=self.noise_dice.copy() if gusty and self.noise_dice is not None else None,
+            position=np.full(lanes, -0.5),
+            velocity=np.zeros(lanes),
+            cell=np.zeros(lanes, np.int64),
+            after=np.zeros(lanes, np.int64),
+            action=np.zeros(lanes, np.int64),
+            push=np.zeros(lanes),
+            lane_eta=np.zeros(lanes),
+            gusts=np.zeros(lanes * BLOCK) if gusty else None,
+            start_position=np.zeros((lanes, BLOCK)),
+            start_velocity=np.zeros((lanes, BLOCK)),
+        )
+        return advance, world
+
+
+@inlined
+def move(position, velocity, push, eta, hill):
+    """The car's position and velocity after a step; one car, or eight side by side.
+
+    push: PUSHES of the action. eta is added to the position where that is >= hill before the step.
+    """
+    gust = chosen(position >= hill, eta, 0.0)
+    velocity = velocity + (push + cosine(3.0 * position) * -GRAVITY)
+    velocity = _between(velocity, -FASTEST, FASTEST)
+    position = _between(position + (velocity + gust), LEFT, RIGHT)
+    velocity = chosen((position == LEFT) & (velocity < 0.0), 0.0, velocity)
+    return position, velocity
+
+
+@inlined
+def is_done(position, velocity):
+    """True once the car is at the flag and does not roll back."""
+    return (position >= GOAL) & (velocity >= 0.0)
+
+
+@inlined
+def bin_of(position, velocity, bins):
+    """The table's state, a whole number but float64: bin of the position * bins + bin of the velocity."""
+    last = bins - 1.0
+    row = whole((position - LEFT) * (bins / (RIGHT - LEFT)))
+    column = whole((velocity + FASTEST) * (bins / (2 * FASTEST)))
+    return chosen(row > last, last, row) * bins + chosen(column > last, last, column)
+
+
+@inlined
+def _between(number, low, high):
+    number = chosen(number > high, high, number)
+    return chosen(number < low, low, number)
+
+
+@lean
+def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
+    """Learns for that many blocks of steps in every lane, or until the batch is done.
+
+    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 3), td_var f8 (B, S, 3):
+    each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called
+    again it goes on where it stopped.
+    """
+    for _ in range(blocks):
+        for lane in range(len(lanes.task)):
+            if is_idle(tasks, lanes, lane):
+                take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
+                _place(world, tasks, lanes, lane)
+        count = lanes_in_use(tasks, lanes)
+        if count == 0:
+            return
+        for place in range(count):
+            lane = lanes.order[place]
+            draw_block(tasks.dice[lanes.task[lane]], lanes.draws)
+            decide(lanes.draws, setting.exploration, ALL_ACTIONS, NO_SLIP, lanes.choices[lane])
+            _draw_gusts(lanes.task[lane], lane, world, world.noise_dice)
+        for first in range(0, len(lanes.task), EIGHT):
+            _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, world.gusts)
+        for place in range(count):
+            lane = lanes.order[place]
+            first = tasks.episode[lanes.task[lane]]
+            end_block(tasks, lanes, lane, setting.episodes)
+            _draw_starts(world, tasks, lanes, lane, first, lanes.ended[lane])
+
+
+@lean
+def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, gusts):
+    """A block of steps in eight lanes; what happens in those without a task is nobody's."""
+    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
+    goal = world.bins * world.bins
+    eta = load_reals(world.lane_eta, first)
+    for step in range(BLOCK):
+        for lane in range(first, first + EIGHT):
+            action = ACTIONS[lanes.choices[lane, step] | lanes.ties[lane, world.cell[lane]]]
+            world.action[lane] = action
+            world.push[lane] = PUSHES[action]
+        position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
+        if gusts is not None:
+            eta = load_reals(gusts, first * BLOCK + step * EIGHT)
+        position, velocity = move(position, velocity, load_reals(world.push, first), eta, world.hill)
+        store_reals(world.position, first, position)
+        store_reals(world.velocity, first, velocity)
+        cell = bin_of(position, velocity, np.float64(world.bins))
+        store_whole(world.after, first, chosen(is_done(position, velocity), np.float64(goal), cell))
+        for lane in range(first, first + EIGHT):
+            after = world.after[lane]
+            own = table(lanes, lane)
+            update(own, world.cell[lane], world.action[lane], after, alpha, gamma, potential, visits, td_var)
+            time = lanes.time[lane] + 1
+            world.cell[lane], lanes.time[lane] = after, time
+            if after == goal or time == horizon:
+                _end(lane, time, after == goal, world, setting, tasks, lanes, visits, td_var)
+
+
+@inlined
+def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
+    """Notes an episode's length and puts the car where the next one starts."""
+    episode = lanes.ended[lane]
+    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
+    lanes.ended[lane] = episode + 1
+    if episode + 1 == setting.episodes:
+        leave(tasks, lanes, lane, visits, td_var)
+    _put(
+        lane, world.start_position[lane, episode % BLOCK], world.start_velocity[lane, episode % BLOCK], world
+    )
+    lanes.time[lane] = 0
+
+
+@inlined
+def _put(lane, position, velocity, world):
+    """Puts the lane's car there."""
+    world.position[lane], world.velocity[lane] = position, velocity
+    world.cell[lane] = np.int64(bin_of(position, velocity, np.float64(world.bins)))
+
+
+@lean
+def _place(world, tasks, lanes, lane):
+    """Gets a task's push and first starts ready; the task is in its lane already."""
+    task = lanes.task[lane]
+    make_terminal(lanes.rows[lane], world.bins * world.bins)
+    world.lane_eta[lane] = world.eta[task]
+    position, velocity = _start(world.start, tasks.start_dice[task])
+    _put(lane, position, velocity, world)
+    _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
+
+
+@lean
+def _draw_starts(world, tasks, lanes, lane, first, end):
+    """Replaces the starts that episodes `first` to `end` - 1 left for, so that all of the next block have
+    theirs."""
+    for episode in range(first, end):
+        position, velocity = _start(world.start, tasks.start_dice[lanes.task[lane]])
+        world.start_position[lane, episode % BLOCK] = position
+        world.start_velocity[lane, episode % BLOCK] = velocity
+
+
+@inlined
+def _start(start, dice):
+    """Position and velocity at the start of an episode."""
+    if start == ANYWHERE:
+        position = LEFT + (GOAL - LEFT) * unit(dice)
+        return position, -FASTEST + 2 * FASTEST * unit(dice)
+    if start == VALLEY:
+        return -0.6 + 0.2 * unit(dice), 0.0
+    return -0.5, 0.0
+
+
+@lean
+def _draw_gusts(task, lane, world, noise_dice):
+    """Pushes for every step of a block, in place of the task's; Marsaglia's polar method, two at a time."""
+    if noise_dice is not None:
+        first = lane // EIGHT * EIGHT * BLOCK + lane % EIGHT
+        for step in range(0, BLOCK, 2):
+            square = 0.0
+            while square == 0.0 or square >= 1.0:
+                x, y = 2 * unit(noise_dice[task]) - 1, 2 * unit(noise_dice[task]) - 1
+                square = x * x + y * y
+            scale = world.noise * math.sqrt(-2 * math.log(square) / square)
+            world.gusts[first + step * EIGHT] = world.eta[task] + scale * x
+            world.gusts[first + (step + 1) * EIGHT] = world.eta[task] + scale * y
