@@ -9,7 +9,17 @@ from typing import Annotated
 import typer
 
 from qinit_cli import __version__, configuration
-from qinit_cli.commands import compare, config, fit, list_artefacts, plot, train_sources, transfer
+from qinit_cli.commands import (
+    compare,
+    config,
+    doctor,
+    fit,
+    list_artefacts,
+    plot,
+    sample_size,
+    train_sources,
+    transfer,
+)
 from qinit_cli.commands.build import option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
@@ -22,7 +32,7 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-for module in (train_sources, fit, transfer, compare, plot, list_artefacts, config):
+for module in (train_sources, fit, transfer, compare, plot, list_artefacts, sample_size, config, doctor):
     module.add_to(app)
 
 

@@ -6,8 +6,10 @@ Families, methods and the shared groups declare their options once (qinit_cli.fi
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -66,7 +68,11 @@ class Reference:
 
     def parameter(self) -> inspect.Parameter:
         """The argument as a parameter that typer reads."""
-        info = typer.Argument(help=self.help, metavar=self.name.upper() + ("..." if self.several else ""))
+        info = typer.Argument(
+            help=self.help,
+            metavar=self.name.upper() + ("..." if self.several else ""),
+            autocompletion=_artefact_names,
+        )
         hint = list[str] if self.several else str
         return inspect.Parameter(
             self.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Annotated[hint, info]
@@ -104,6 +110,14 @@ def add_command(
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     app.command(name, help=help, no_args_is_help=bool(references), rich_help_panel=panel)(command)
+
+
+def _artefact_names(context: typer.Context, arguments: list[str], incomplete: str) -> list[str]:
+    """Names in the store that begin so, for the shell's completion."""
+    from store.catalog import Store
+
+    root = context.params.get("store") or os.environ.get("QINIT_STORE", "qinit-store")
+    return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]
 
 
 def walk(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:

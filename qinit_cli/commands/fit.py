@@ -13,6 +13,7 @@ from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
     from store.reading import Artefact
+    from store.schema import Schema
 
 FEWEST_SOURCES = 2  # a spread needs two
 
@@ -33,7 +34,8 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
     """Fits the sources, publishes the fit and prints its path."""
     from qinit_cli import specs
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import Tally, provenance, say_result, target_path
+    from qinit_cli.commands.dry_run import Expected, say_expected
+    from qinit_cli.commands.making import Made, Tally, provenance, say_result, target_path
     from qinit_cli.commands.train_sources import action_axis
     from qinit_cli.stages import fit as stage
     from store.reading import describe, open_artefact
@@ -51,6 +53,9 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
         spec = specs.fit(source.spec, [source.content_sha256], fitting)
         schema = fit_schema(family.axes(), action_axis(family), min(count, fitting.library))
         target = target_path(output, "fit", f"{family.label}-{count}-{fitting.estimator}", spec)
+        if output.dry_run:
+            say_expected(Expected(str(target), count, 0, 0, 0.0, _bytes(schema)), output, display)
+            return
         origin = provenance(path)
         with open_work(
             target, schema, spec, force=output.force, wait=output.wait, provenance=origin
@@ -62,8 +67,18 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
                 arrays = stage.fit(blocks, count, fitting)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
                 sentence = _summary(arrays, count)
-    digest = describe(target).content_sha256
-    say_result(target, digest, tally, "qinit.fit/1", sentence, output, display)
+    made = Made(target, describe(target).content_sha256, tally, artefact.complete)
+    say_result(made, "qinit.fit/1", sentence, output, display)
+
+
+def _bytes(schema: Schema) -> int:
+    """The fit's size in memory; on disk it is compressed."""
+    import math
+
+    return sum(
+        math.prod(schema.row_shape(column)) * column.little_endian.itemsize
+        for column in schema.static_columns
+    )
 
 
 def _input(source: Artefact) -> dict[str, str]:

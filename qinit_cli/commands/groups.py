@@ -30,6 +30,7 @@ class Output:
     )
     force: bool = option(False, "Replace an artefact of that name that has other settings.")
     wait: bool = option(False, "Wait while another process writes the same artefact.")
+    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
     json: bool = option(False, "Print one JSON object instead of the path.")
 
 

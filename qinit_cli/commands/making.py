@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +21,7 @@ from qinit_cli.workforce import batches, results
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.kernels.batch import Watch
+    from store.schema import Schema
     from store.work import Work as StoreWork
 
     Rows = dict[str, Any]
@@ -40,6 +41,58 @@ class Tally:
     steps: int = 0
     seconds: float = 0.0  # inside the kernels
     extra: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """An artefact of tasks that is to be made."""
+
+    stem: str  # of its default name
+    spec: Mapping[str, Any]
+    schema: Schema
+    learn: Learn  # the rows of some tasks
+    kernel: tuple[str, str]  # the compiled function that it waits for: file, function
+    what: str  # on the line of progress
+    read: Path | None = None  # the artefact it is made from
+    inputs: Sequence[Mapping[str, str]] = ()
+    statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
+
+    @property
+    def count(self) -> int:
+        """How many tasks there are."""
+        return int(self.spec["tasks"])
+
+
+@dataclass(frozen=True)
+class Made:
+    """An artefact that stands under its name."""
+
+    path: Path
+    digest: str  # content hash
+    tally: Tally
+    complete_before: bool
+
+
+def make(plan: Plan, output: Output, work: Work, display: Display) -> Made:
+    """The artefact, with the tasks learned that it lacks. Interrupted after a signal: what was finished is saved."""
+    from store.reading import describe
+    from store.work import open_work
+
+    path = target_path(output, plan.schema.kind, plan.stem, plan.spec)
+    origin = provenance(plan.read)
+    with open_work(
+        path, plan.schema, plan.spec, force=output.force, wait=output.wait, provenance=origin
+    ) as artefact:
+        complete = artefact.complete
+        if complete:
+            tally = Tally(plan.count, skipped=plan.count)
+        else:
+            _take_over(artefact, plan, output, display)
+            tally = _learn_missing(artefact, plan, work, display)
+            artefact.finish(
+                range(plan.count), statics=plan.statics, provenance=origin, inputs=list(plan.inputs)
+            )
+    return Made(path, describe(path).content_sha256, tally, complete)
 
 
 def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -> Path:
@@ -70,58 +123,70 @@ def provenance(read: Path | None = None) -> dict[str, str]:
     }
 
 
-def learn_into(
-    artefact: StoreWork, count: int, learn: Learn, family: str, what: str, work: Work, display: Display
-) -> Tally:
-    """Learns the tasks 0 to `count` - 1 that the artefact lacks and saves them; the tally of it.
+def _take_over(artefact: StoreWork, plan: Plan, output: Output, display: Display) -> None:
+    """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
+    from store.catalog import Store
+    from store.errors import Damaged
+    from store.reading import open_artefact
 
-    Interrupted after a signal, once what was finished by then is saved.
-    """
+    for relative in Store(Path(output.store)).relatives(plan.schema.kind, plan.spec):
+        before = len(artefact.saved)
+        if before == plan.count:
+            return
+        try:
+            with open_artefact(relative.path, plan.schema.kind) as there:
+                artefact.adopt(there)
+        except Damaged as damage:
+            note(display, f"nothing is taken over from a damaged file: {damage}")
+        if taken := len(artefact.saved) - before:
+            note(display, f"{taken} tasks are taken over from {relative.path}")
+
+
+def _learn_missing(artefact: StoreWork, plan: Plan, work: Work, display: Display) -> Tally:
     import numpy as np
 
     from qinit_cli.kernels.batch import Watch
 
-    missing = np.setdiff1d(np.arange(count), artefact.saved)
-    tally = Tally(tasks=count, skipped=count - len(missing))
-    _say_what_is_there(artefact, tally, family, display)
+    missing = np.setdiff1d(np.arange(plan.count), artefact.saved)
+    tally = Tally(tasks=plan.count, skipped=plan.count - len(missing))
+    _say_what_is_there(artefact, tally, plan.kernel, display)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
+
+    def learn(batch: Integers) -> tuple[Integers, Rows]:
+        return plan.learn(batch, watch)
+
     with (
         signals.asking_first(watch.stop) as received,
         ThreadPoolExecutor(work.threads) as threads,
-        Progress(display, what, tally.skipped, count, watch) as progress,
+        Progress(display, plan.what, tally.skipped, plan.count, watch) as progress,
     ):
-        waiting_batches = batches(missing, work.threads)
-
-        def learned(batch: Integers) -> tuple[Integers, Rows]:
-            return learn(batch, watch)
-
+        jobs = work.threads
         for ids, rows in results(
-            threads, work.threads, learned, waiting_batches, lambda: watch.stopped, progress.tick
+            threads, jobs, learn, batches(missing, jobs), lambda: watch.stopped, progress.tick
         ):
             waiting.add(ids, rows)
             progress.advance(len(ids))
         waiting.save()
     if received:
         raise Interrupted(
-            f"stopped: {len(artefact.saved)} of {count} tasks are saved; the same command goes on with the rest",
+            f"stopped: {len(artefact.saved)} of {plan.count} tasks are saved; the same command goes on with the rest",
             128 + received[0],
         )
     return tally
 
 
-def say_result(
-    path: Path, digest: str, tally: Tally, schema: str, sentence: str, output: Output, display: Display
-) -> None:
+def say_result(made: Made, schema: str, sentence: str, output: Output, display: Display) -> None:
     """The summary on stderr, then the path alone on a line, or one JSON object, on stdout."""
     note(display, sentence)
     if not output.json:
-        print(path, flush=True)
+        print(made.path, flush=True)
         return
+    tally = made.tally
     told = {
         "schema": schema,
-        "path": str(path),
-        "digest": digest,
+        "path": str(made.path),
+        "digest": made.digest,
         "tasks": tally.tasks,
         "skipped": tally.skipped,
         "failed": tally.failed,
@@ -132,7 +197,7 @@ def say_result(
     print(json.dumps(told, allow_nan=False), flush=True)
 
 
-def _say_what_is_there(artefact: StoreWork, tally: Tally, family: str, display: Display) -> None:
+def _say_what_is_there(artefact: StoreWork, tally: Tally, kernel: tuple[str, str], display: Display) -> None:
     from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
 
     if tally.skipped:
@@ -144,7 +209,7 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, family: str, display: 
         )
     if statement := cache_statement():
         note(display, statement)
-    elif needs_compiling(family.replace("-", "_")):
+    elif tally.skipped < tally.tasks and needs_compiling(*kernel):
         note(display, "compiling the kernels, once")
     detail(display, f"compiled kernels: {cache_folder()}")
 

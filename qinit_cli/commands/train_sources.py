@@ -18,7 +18,7 @@ from qinit_cli.learning import Learning
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Tally
+    from qinit_cli.commands.making import Made, Plan
     from qinit_cli.stages.sources import SourceTasks
 
 ERROR_TASKS = 1_000  # the summary's error against exact tables is taken over at most this many
@@ -94,30 +94,37 @@ def train_sources(
     name: str, family: Family, sources: LearningSources, output: Output, work: Work, display: Display
 ) -> None:
     """Learns what is missing of the sources asked for, publishes them and prints their path."""
-    from qinit_cli import specs
-    from qinit_cli.commands.making import Tally, learn_into, provenance, say_result, target_path
-    from qinit_cli.stages.sources import SourceTasks, learn_sources
-    from store.reading import describe
-    from store.work import open_work
+    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
+    from qinit_cli.commands.making import make, say_result
+    from qinit_cli.stages.sources import SourceTasks
 
     tasks = SourceTasks(family, sources.learner, sources.learning(FAMILIES[name]), sources.seed)
-    count = sources.tasks or family.source_tasks
-    spec = specs.sources(tasks, count)
-    exact = "-exact" if tasks.learner == "exact" else ""
-    target = target_path(output, "sources", f"{family.label}{exact}-{count}-seed-{tasks.seed}", spec)
-    origin = provenance()
-    with open_work(
-        target, _schema(tasks), spec, force=output.force, wait=output.wait, provenance=origin
-    ) as artefact:
-        if artefact.complete:
-            tally, sentence = Tally(count, skipped=count), f"{count} tasks: already complete"
-        else:
-            learn = partial(learn_sources, tasks)
-            tally = learn_into(artefact, count, learn, family.name, "sources", work, display)
-            artefact.finish(range(count), provenance=origin)
-            sentence = _summary(target, tasks, tally)
-    digest = describe(target).content_sha256
-    say_result(target, digest, tally, "qinit.train-sources/1", sentence, output, display)
+    plan = _plan(tasks, sources.tasks or family.source_tasks)
+    if output.dry_run:
+        tried = trial_episodes(tasks.learning.episodes)
+        trial = _plan(replace(tasks, learning=replace(tasks.learning, episodes=tried)), TRIAL_TASKS)
+        say_expected(foresee(plan, trial, tasks.learning.episodes, tried, output, work), output, display)
+        return
+    made = make(plan, output, work, display)
+    sentence = f"{plan.count} tasks: already complete" if made.complete_before else _summary(made, tasks)
+    say_result(made, "qinit.train-sources/1", sentence, output, display)
+
+
+def _plan(tasks: SourceTasks, count: int) -> Plan:
+    from qinit_cli import specs
+    from qinit_cli.commands.making import Plan
+    from qinit_cli.stages.sources import learn_sources
+
+    exact = tasks.learner == "exact"
+    kernel = tasks.family.name.replace("-", "_")
+    return Plan(
+        stem=f"{tasks.family.label}{'-exact' if exact else ''}-{count}-seed-{tasks.seed}",
+        spec=specs.sources(tasks, count),
+        schema=_schema(tasks),
+        learn=partial(learn_sources, tasks),
+        kernel=(f"{kernel}_exact", "solve") if exact else (kernel, "advance"),
+        what="sources",
+    )
 
 
 def _schema(tasks: SourceTasks) -> Any:
@@ -137,13 +144,14 @@ def action_axis(family: Family) -> Any:
     return Axis("action", np.array(family.actions, dtype="S"), "", "action")
 
 
-def _summary(path: Path, tasks: SourceTasks, tally: Tally) -> str:
+def _summary(made: Made, tasks: SourceTasks) -> str:
     """What was learned and how well; the errors also go into the tally."""
     import numpy as np
 
     from store.reading import open_artefact
 
-    with open_artefact(path, "sources") as artefact:
+    tally = made.tally
+    with open_artefact(made.path, "sources") as artefact:
         solved = int(artefact.read("solved").sum())
     learned = tally.tasks - tally.skipped
     sentence = (
@@ -153,7 +161,7 @@ def _summary(path: Path, tasks: SourceTasks, tally: Tally) -> str:
     tally.extra["solved"] = solved
     if tasks.learner == "exact" or not tasks.family.tabular:
         return sentence
-    errors = _errors(path, tasks)
+    errors = _errors(made.path, tasks)
     worst = int(np.nanargmax(np.nanmedian(errors, axis=1)))
     tally.extra |= {
         "error_tasks": len(errors),

@@ -20,7 +20,7 @@ from qinit_cli.methods import METHODS, Initial, Method
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Tally
+    from qinit_cli.commands.making import Plan, Tally
     from qinit_cli.fitted import Fit
     from qinit_cli.stages.transfer import TargetTasks
 
@@ -142,12 +142,10 @@ def transfer(
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
     import numpy as np
 
-    from qinit_cli import specs
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import Tally, learn_into, provenance, say_result, target_path
-    from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
-    from store.reading import describe
-    from store.work import open_work
+    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
+    from qinit_cli.commands.making import make, say_result
+    from qinit_cli.stages.transfer import TargetTasks
 
     known = Knowledge.read(references.one(fit, output.store))
     family = learning.family(known.family)
@@ -155,24 +153,37 @@ def transfer(
     _say_overrides(targets.learning, known.learning, display)
     count = learning.tasks or family.target_tasks
     initial = method.initial(known.fit, targets.targets(np.arange(count)))
-    spec = specs.run(method, targets, count, known.content_sha256)
-    stem = f"{family.label}-{method.name}-{count}-seed-{targets.seed}"
-    target = target_path(output, "run", stem, spec)
-    origin = provenance(known.path)
-    with open_work(
-        target, _schema(targets, initial), spec, force=output.force, wait=output.wait, provenance=origin
-    ) as artefact:
-        if artefact.complete:
-            tally, sentence = Tally(count, skipped=count), f"{method.name}, {count} targets: already complete"
-        else:
-            learn = partial(learn_targets, targets, initial)
-            tally = learn_into(artefact, count, learn, family.name, method.name, work, display)
-            kept = statics(initial, family)
-            artefact.finish(range(count), statics=kept, provenance=origin, inputs=[known.given])
-            sentence = _summary(method, initial, tally)
-    tally.extra |= {"filled": initial.filled, "clipped": initial.clipped}
-    digest = describe(target).content_sha256
-    say_result(target, digest, tally, "qinit.transfer/1", sentence, output, display)
+    plan = _plan(method, targets, initial, count, known)
+    if output.dry_run:
+        episodes = targets.learning.episodes
+        tried = trial_episodes(episodes)
+        fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
+        trial = _plan(method, fewer, initial, min(count, TRIAL_TASKS), known)
+        say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
+        return
+    made = make(plan, output, work, display)
+    made.tally.extra.update(filled=initial.filled, clipped=initial.clipped)
+    already = f"{method.name}, {count} targets: already complete"
+    sentence = already if made.complete_before else _summary(method, initial, made.tally)
+    say_result(made, "qinit.transfer/1", sentence, output, display)
+
+
+def _plan(method: Method, targets: TargetTasks, initial: Initial, count: int, known: Knowledge) -> Plan:
+    from qinit_cli import specs
+    from qinit_cli.commands.making import Plan
+    from qinit_cli.stages.transfer import learn_targets, statics
+
+    return Plan(
+        stem=f"{targets.family.label}-{method.name}-{count}-seed-{targets.seed}",
+        spec=specs.run(method, targets, count, known.content_sha256),
+        schema=_schema(targets, initial),
+        learn=partial(learn_targets, targets, initial),
+        kernel=(targets.family.name.replace("-", "_"), "advance"),
+        what=method.name,
+        read=known.path,
+        inputs=[known.given],
+        statics=statics(initial, targets.family),
+    )
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:

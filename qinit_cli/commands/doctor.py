@@ -1,0 +1,105 @@
+"""`qinit doctor`: whether this installation is in order."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from qinit_cli import __version__
+from qinit_cli.commands.build import add_command
+from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from store.errors import SystemFailed
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "doctor",
+        doctor,
+        {"reading": READING, "tabular": TABULAR, "display": DISPLAY},
+        help="Check this installation: versions, HDF5, compiled kernels, cores, and whether the store can be written.",
+    )
+
+
+def doctor(reading: Reading, tabular: Tabular, display: Display) -> None:
+    """Prints one row per check; SystemFailed, exit code 7, where one fails."""
+    from qinit_cli.commands.tables import TableColumn, print_table
+
+    checks: list[tuple[str, Callable[[], str]]] = [
+        ("qinit", lambda: __version__),
+        ("python", platform.python_version),
+        ("numpy, scipy", _numerics),
+        ("HDF5", _hdf5),
+        ("numba", _compiler),
+        ("kernels' folder", _kernels),
+        ("cores", lambda: f"{len(os.sched_getaffinity(0))} usable of {os.cpu_count()}"),
+        ("store", lambda: _store(Path(reading.store))),
+    ]
+    rows = [_row(name, check) for name, check in checks]
+    columns = [TableColumn("check"), TableColumn("state"), TableColumn("detail")]
+    print_table("qinit.doctor/1", columns, rows, tabular, display)
+    if failed := [row["check"] for row in rows if row["state"] != "ok"]:
+        raise SystemFailed(f"not in order: {', '.join(failed)}")
+
+
+def _row(name: str, check: Callable[[], str]) -> dict[str, Any]:
+    try:
+        return {"check": name, "state": "ok", "detail": check()}
+    except Exception as error:  # whatever is wrong is what is asked for
+        return {"check": name, "state": "failed", "detail": str(error)}
+
+
+def _numerics() -> str:
+    import numpy
+    import scipy
+
+    return f"{numpy.__version__}, {scipy.__version__}"
+
+
+def _hdf5() -> str:
+    import h5py
+
+    filters = [h5py.h5z.filter_avail(code) for code in (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)]
+    if not all(filters):
+        raise SystemFailed(
+            "this HDF5 lacks the gzip or fletcher32 filter; pip install --force-reinstall h5py"
+        )
+    return f"{h5py.version.hdf5_version}, h5py {h5py.__version__}"
+
+
+def _compiler() -> str:
+    import numba
+
+    from qinit_cli.kernels.gridworld_exact import neighbours
+
+    if neighbours(2).tolist() != [[0, 2, 0, 1], [1, 3, 0, 1], [0, 2, 2, 3], [1, 3, 2, 3]]:
+        raise SystemFailed("a compiled function gave a wrong answer")
+    return f"{numba.__version__}, compiles"
+
+
+def _kernels() -> str:
+    from qinit_cli.kernels.compiled import cache_folder, cache_statement
+
+    if statement := cache_statement():
+        raise SystemFailed(statement)
+    return str(cache_folder())
+
+
+def _store(root: Path) -> str:
+    """Whether artefacts could be written there; nothing is left behind."""
+    import tempfile
+
+    nearest = root
+    while not nearest.exists():
+        nearest = nearest.absolute().parent
+    with tempfile.TemporaryFile(dir=nearest):
+        pass
+    free = os.statvfs(nearest)
+    state = "" if root.exists() else ", made when first needed"
+    return f"{root}, {free.f_bavail * free.f_frsize / 1e9:.1f} GB free{state}"

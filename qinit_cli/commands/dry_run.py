@@ -1,0 +1,115 @@
+"""`--dry-run`: what an artefact would take, from learning a few of its tasks for a short while; nothing is made."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.commands.groups import Display, Output, Work
+from qinit_cli.commands.making import target_path
+from qinit_cli.commands.messages import note
+
+if TYPE_CHECKING:
+    from qinit_cli.commands.making import Plan
+
+TRIAL_TASKS = 4  # learned side by side, as the kernels like it
+TRIAL_SHARE = 50  # one episode in so many is tried ...
+FEWEST_TRIED, MOST_TRIED = 20, 2_000  # ... within these bounds
+SETTLED_SHARE = 5  # the last fifth of what was tried stands for all that follows
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What making an artefact would take."""
+
+    path: str
+    tasks: int
+    missing: int  # tasks that are still to be learned
+    steps: int
+    seconds: float  # on the clock, with the jobs asked for
+    bytes: int
+
+
+def trial_episodes(episodes: int) -> int:
+    """How many episodes of a task are tried."""
+    return min(episodes, MOST_TRIED, max(FEWEST_TRIED, episodes // TRIAL_SHARE))
+
+
+def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, work: Work) -> Expected:
+    """What `plan` would take, judged by `trial`: the same with TRIAL_TASKS tasks of `tried` of the `episodes`.
+
+    Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
+    still have become much shorter, the time is overestimated.
+    """
+    import numpy as np
+
+    from qinit_cli.kernels.batch import Watch
+
+    path = target_path(output, plan.schema.kind, plan.stem, plan.spec)
+    missing = plan.count - _saved(path, plan, Path(output.store))
+    ids = np.arange(trial.count)
+    trial.learn(ids, Watch())  # compiles, reads caches warm
+    _, rows = trial.learn(ids, Watch())
+    per_task = rows["steps"].sum() / trial.count
+    seconds = rows["seconds"].mean()
+    growth = _growth(rows, episodes, tried)
+    return Expected(
+        path=str(path),
+        tasks=plan.count,
+        missing=missing,
+        steps=round(per_task * growth * missing),
+        seconds=float(seconds * growth * missing / work.threads),
+        bytes=round(_compression(trial, rows) * plan.schema.task_bytes * plan.count),
+    )
+
+
+def say_expected(expected: Expected, output: Output, display: Display) -> None:
+    """One sentence on stderr, with --json one object on stdout instead."""
+    if output.json:
+        print(json.dumps({"schema": "qinit.dry-run/1", **asdict(expected)}, allow_nan=False))
+        return
+    note(
+        display,
+        f"{expected.path} would hold {expected.tasks} tasks; {expected.missing} are still to be learned: about "
+        f"{expected.steps:.2g} steps in {expected.seconds:.2g} s, and {expected.bytes / 1e6:.2g} MB",
+    )
+
+
+def _saved(path: Path, plan: Plan, root: Path) -> int:
+    """How many of the tasks are saved already, in an artefact of the same settings or an unfinished one."""
+    from store.catalog import Store
+    from store.folder import tasks_saved, work_folder
+
+    relatives = [relative.tasks for relative in Store(root).relatives(plan.schema.kind, plan.spec)]
+    return min(plan.count, max(*relatives, tasks_saved(work_folder(path)), 0))
+
+
+def _growth(rows: dict[str, Any], episodes: int, tried: int) -> float:
+    """Steps of all the episodes over steps of those that were tried."""
+    curve = rows.get("curve_steps", rows["steps"])
+    if curve.ndim == 1:
+        return 1.0  # exact tables have no episodes
+    settled = curve[:, -max(1, curve.shape[1] // SETTLED_SHARE) :].mean()
+    return float(1.0 + (episodes - tried) * settled / (tried * curve.mean()))
+
+
+def _compression(trial: Plan, rows: dict[str, Any]) -> float:
+    """Bytes on disk over bytes in memory."""
+    import numpy as np
+
+    from store.digest import task_digests
+    from store.encoding import Header, checked, image
+    from store.schema import Schema
+
+    columns_per_task = trial.schema.task_columns
+    used = {name for column in columns_per_task for name in column.dims}
+    axes = tuple(axis for axis in trial.schema.axes if axis.name in used)
+    schema = Schema(trial.schema.kind, axes, columns_per_task)
+    ids = np.arange(trial.count)
+    columns = checked(schema, schema.task_columns, rows, trial.count)
+    digests = task_digests(schema.task_columns, ids, columns)
+    header = Header(f"qinit/{schema.kind}", trial.spec, {}, ())
+    size = len(image(header, schema, ids, digests, {**columns, "task_digest": digests}))
+    return size / (schema.task_bytes * trial.count)
