@@ -1,0 +1,103 @@
+"""Whether an artefact is what was written, found out in a child process with little memory and time.
+
+The child reads the whole file. What makes HDF5 crash, hang or ask for memory without end ends there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from store.errors import Damaged, NotFound, StoreError
+
+MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
+SECONDS = 600
+PROGRAM = "import sys; from store.verify import child; child(sys.argv[1:])"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What verification found."""
+
+    path: Path
+    kind: str = ""
+    tasks: int = 0
+    content_sha256: str = ""
+    damaged: tuple[int, ...] = ()  # the ids of the tasks whose digest does not hold
+    problem: str = ""  # what else does not hold; "" where all does
+
+    @property
+    def sound(self) -> bool:
+        return not self.problem and not self.damaged
+
+    def raise_if_damaged(self) -> None:
+        """Damaged, naming the tasks, unless all holds."""
+        if self.damaged:
+            some = ", ".join(map(str, self.damaged[:10])) + (", ..." if len(self.damaged) > 10 else "")
+            raise Damaged(
+                f"{self.path} is damaged: {len(self.damaged)} of {self.tasks} tasks do not hold ({some});"
+                f" `qinit salvage {self.path}` keeps the others"
+            )
+        if self.problem:
+            raise Damaged(self.problem)
+
+
+def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS) -> Verdict:
+    """What a child process limited to `memory` bytes and `seconds` finds; NotFound where there is nothing."""
+    if not path.exists():
+        raise NotFound(f"there is no {path}; `qinit list` shows what there is")
+    command = [sys.executable, "-c", PROGRAM, str(path), str(memory), str(seconds)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, timeout=seconds + 30, env=_environment(), check=False
+        )
+    except subprocess.TimeoutExpired:
+        return Verdict(path, problem=f"{path} is refused: reading it takes more than {seconds} s")
+    try:
+        found = json.loads(done.stdout)
+    except ValueError:
+        reason = f"ended by signal {-done.returncode}" if done.returncode < 0 else "ended without a verdict"
+        return Verdict(path, problem=f"{path} is refused: the process that read it {reason}")
+    return Verdict(path, **{**found, "damaged": tuple(found["damaged"])})
+
+
+def child(arguments: list[str]) -> None:
+    """What the child process does: limit itself, read, print its verdict as JSON."""
+    path, memory, seconds = Path(arguments[0]), int(arguments[1]), int(arguments[2])
+    for limit, most in (
+        (resource.RLIMIT_AS, memory),
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        resource.setrlimit(limit, (most, most))
+    found = asdict(_examined(path))
+    del found["path"]
+    print(json.dumps(found))
+
+
+def _examined(path: Path) -> Verdict:
+    from store.reading import open_doubtful  # here, so that what h5py does is done under the limits
+
+    try:
+        with open_doubtful(path) as artefact:
+            damaged = tuple(artefact.damaged_tasks().tolist())
+            trouble = f"{path} is damaged: {artefact.trouble}" if artefact.trouble else ""
+            return Verdict(
+                path, artefact.kind, artefact.task_count, artefact.content_sha256, damaged, trouble
+            )
+    except MemoryError:
+        return Verdict(path, problem=f"{path} is refused: reading it takes more memory than it may")
+    except StoreError as error:
+        return Verdict(path, problem=str(error))
+
+
+def _environment() -> dict[str, str]:
+    package = str(Path(__file__).resolve().parents[1])
+    paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
