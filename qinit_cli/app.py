@@ -17,6 +17,7 @@ from qinit_cli.commands import (
     list_artefacts,
     plot,
     sample_size,
+    show,
     train_sources,
     transfer,
 )
@@ -32,7 +33,7 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-for module in (train_sources, fit, transfer, compare, plot, list_artefacts, sample_size, config, doctor):
+for module in (train_sources, fit, transfer, compare, plot, list_artefacts, show, sample_size, config, doctor):
     module.add_to(app)
 
 
