@@ -1,0 +1,174 @@
+"""`qinit show`: one artefact, what it was made with and what it holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.messages import console, note
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from qinit_cli.stages.show import Shown
+    from store.reading import Artefact
+    from store.schema import Axis
+
+SCHEMA = "qinit.show/1"
+LISTED = 12  # labels of an axis that are listed one by one
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "show",
+        show,
+        {"tabular": TABULAR, "reading": READING, "display": DISPLAY},
+        references=(Reference("artefact", "A path, a name in the store, or - for stdin."),),
+        help="Show an artefact: settings, origin, numbers, datasets, and a picture of it for people.",
+    )
+
+
+def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
+    """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.show_sections import print_sections
+    from qinit_cli.commands.tables import TableColumn, print_table
+    from qinit_cli.stages import show as stage
+    from store.reading import open_artefact
+
+    with open_artefact(references.one(artefact, reading.store)) as opened:
+        _say_compiling(opened, display)
+        shown = stage.show(opened)
+        told = finite(_told(opened, shown))
+        axes = opened.axes
+    match tabular.chosen:
+        case "table":
+            terminal = console(display)
+            print_sections(told, terminal)
+            _print_picture(told["kind"], shown, axes, terminal)
+        case "json":
+            print(json.dumps({"schema": SCHEMA, **told}, allow_nan=False))
+        case _:
+            rows = [{"key": key, "value": value} for key, value in flat(told)]
+            print_table(SCHEMA, [TableColumn("key"), TableColumn("value")], rows, tabular, display)
+
+
+def _told(artefact: Artefact, shown: Shown) -> dict[str, Any]:
+    """All that is told of an artefact, as JSON would have it but for NaN."""
+    return {
+        "kind": artefact.kind,
+        "name": artefact.path.stem,
+        "path": str(artefact.path),
+        "bytes": artefact.path.stat().st_size,
+        "content_sha256": artefact.content_sha256,
+        "spec_sha256": artefact.spec_sha256,
+        "spec": artefact.spec,
+        "numbers": shown.numbers,
+        "provenance": artefact.provenance,
+        "inputs": list(artefact.inputs),
+        "axes": {name: _axis(axis) for name, axis in artefact.axes.items()},
+        "datasets": _datasets(artefact),
+    }
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    ends = [_label(axis.values[place]) for place in (0, -1)] if axis.values.size else [None, None]
+    told = {
+        "length": int(axis.values.size),
+        "first": ends[0],
+        "last": ends[1],
+        "dtype": axis.values.dtype.str,
+        "unit": axis.unit,
+        "long_name": axis.long_name,
+    }
+    if axis.values.dtype.kind == "S" and axis.values.size <= LISTED:
+        told["labels"] = [_label(value) for value in axis.values]
+    return told
+
+
+def _label(value: Any) -> Any:
+    return value.decode() if isinstance(value, bytes) else value.item()
+
+
+def _datasets(artefact: Artefact) -> dict[str, Any]:
+    """Dimensions, shape, dtype and unit of each dataset, scales apart."""
+    tasks = (artefact.task_count,)
+    return {
+        column.name: {
+            "dims": list(column.dims),
+            "shape": [*(tasks if column.per_task else ()), *artefact.schema.row_shape(column)],
+            "dtype": column.little_endian.str,
+            "unit": column.unit,
+            "long_name": column.long_name,
+        }
+        for column in artefact.schema.columns
+    }
+
+
+def finite(value: Any) -> Any:
+    """The same without NaN and infinities, which JSON has no words for: None in their place."""
+    if isinstance(value, dict):
+        return {key: finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
+    """Nested settings as lines: "spec.family.size" and its value, a list of plain values joined by commas."""
+    parts: list[tuple[str, Any]]
+    if isinstance(told, dict):
+        parts = list(told.items())
+    elif isinstance(told, list) and any(isinstance(part, dict | list) for part in told):
+        parts = [(str(place), part) for place, part in enumerate(told)]
+    elif isinstance(told, list):
+        return [(above, ",".join(map(str, told)))]
+    else:
+        return [(above, told)]
+    return [line for key, part in parts for line in flat(part, f"{above}.{key}" if above else str(key))]
+
+
+def _say_compiling(artefact: Artefact, display: Display) -> None:
+    """The errors of learned sources need compiled kernels, which take a while the first time."""
+    if artefact.kind == "sources" and artefact.spec["learner"] != "exact":
+        from qinit_cli.kernels.compiled import needs_compiling
+
+        if needs_compiling(artefact.spec["family"]["name"].replace("-", "_")):
+            note(display, "compiling the kernels, once")
+
+
+def _print_picture(kind: str, shown: Shown, axes: dict[str, Axis], terminal: Console) -> None:
+    """The picture of an artefact, with a line that says what it is."""
+    from qinit_cli.figures.terminal.curve import curve
+    from qinit_cli.figures.terminal.heatmap import MapAxis, heatmap
+    from qinit_cli.figures.terminal.histogram import histogram
+    from qinit_cli.figures.terminal.sheet import Sheet
+    from qinit_cli.stages.show import SMOOTH
+
+    sheet = Sheet.of(terminal)
+    match kind:
+        case _ if not shown.picture.size:
+            return
+        case "sources":
+            title = "ln of the greedy value at the target start, over tasks"
+            lines = histogram(shown.picture, "ln Q", sheet)
+        case "run":
+            title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
+            lines = curve(shown.picture, 1, "episode", sheet)
+        case _:
+            states = [axis for name, axis in axes.items() if name not in ("action", "library", "task")]
+            if len(states) != 2:
+                return  # a map has two axes
+            title = "log-normal median of Q, its largest over actions"
+            rows, columns = (MapAxis(axis.name, [float(value) for value in axis.values]) for axis in states)
+            lines = heatmap(shown.picture, rows, columns, sheet)
+    terminal.print(f"\n{title}", style="bold", highlight=False, markup=False)
+    for line in lines:
+        terminal.print(line, no_wrap=True, overflow="crop", highlight=False)

@@ -1,0 +1,120 @@
+"""How `qinit show` tells people of an artefact: a few sections, short lines, nothing wider than the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    Told = dict[str, Any]
+
+SHORT = 12  # digits of a hash that tell artefacts apart
+
+
+def print_sections(told: Told, terminal: Console) -> None:
+    """Origin, settings, numbers and datasets; `told` as `qinit show --json` has it."""
+    terminal.print(
+        f"{told['kind']} {told['name']}", style="bold", highlight=False, markup=False, soft_wrap=True
+    )
+    _print_pairs(_origin(told), terminal)
+    _print_section("settings", _settings(told["spec"]), terminal)
+    _print_section("numbers", [(key, _number(value)) for key, value in told["numbers"].items()], terminal)
+    _print_section(
+        "axes", [(name, _axis(axis)) for name, axis in told["axes"].items() if name != "byte"], terminal
+    )
+    _print_section("datasets", [(name, _dataset(kept)) for name, kept in told["datasets"].items()], terminal)
+
+
+def _origin(told: Told) -> list[tuple[str, str]]:
+    origin = told["provenance"]
+    made = origin.get("time", "").replace("T", " ").removesuffix("Z")
+    versions = ", ".join(
+        f"{key} {value}" for key, value in origin.items() if key not in ("command", "time") and value
+    )
+    pairs = [
+        ("file", told["path"]),
+        ("size", f"{told['bytes'] / 1e6:.2f} MB"),
+        ("content", told["content_sha256"]),
+        ("made", f"{made} UTC" if made else ""),
+        ("command", origin.get("command", "")),
+        ("with", versions),
+    ]
+    pairs += [
+        (
+            f"from {one.get('role', 'input')}",
+            f"{one.get('name', '')}  {one.get('content_sha256', '')[:SHORT]}",
+        )
+        for one in told["inputs"]
+    ]
+    return [(key, value) for key, value in pairs if value]
+
+
+def _settings(spec: Told) -> list[tuple[str, str]]:
+    """One line for each group of settings; hashes of inputs stand with the origin."""
+    lines = []
+    for key, value in spec.items():
+        if key in ("kind", "inputs"):
+            continue
+        if key == "sources" and isinstance(value, dict):  # those of a fit's sources, one level down
+            lines += _settings(value)
+        else:
+            lines.append((key, _setting(value)))
+    return lines
+
+
+def _setting(value: Any) -> str:
+    if not isinstance(value, dict):
+        return _plain(value)
+    rest = ", ".join(
+        f"{key} {_setting(part)}" for key, part in value.items() if key != "name" and part is not None
+    )
+    return f"{value['name']}{': ' if rest else ''}{rest}" if "name" in value else rest
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "none"
+    return (
+        f"{value:.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+    )
+
+
+def _axis(axis: Told) -> str:
+    if "labels" in axis:
+        values = ", ".join(axis["labels"])
+    else:
+        values = f"{_plain(axis['first'])} to {_plain(axis['last'])}" if axis["length"] else "empty"
+    unit = f" {axis['unit']}" if axis["unit"] not in ("", "1") else ""
+    return f"{axis['length']}: {values}{unit}"
+
+
+def _dataset(kept: Told) -> str:
+    shape = " x ".join(f"{length} {dim}" for dim, length in zip(kept["dims"], kept["shape"], strict=True))
+    unit = f" in {kept['unit']}" if kept["unit"] not in ("", "1") else ""
+    meaning = f"; {kept['long_name']}" if kept["long_name"] else ""
+    return f"{kept['dtype'].lstrip('<|')} ({shape}){unit}{meaning}"
+
+
+def _print_section(title: str, pairs: list[tuple[str, str]], terminal: Console) -> None:
+    if pairs:
+        terminal.print(f"\n{title}", style="bold", highlight=False)
+        _print_pairs(pairs, terminal)
+
+
+def _print_pairs(pairs: list[tuple[str, str]], terminal: Console) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True, style="cyan")
+    table.add_column(overflow="fold")
+    for key, value in pairs:
+        table.add_row(Text(f"  {key}"), Text(value))
+    terminal.print(table)
