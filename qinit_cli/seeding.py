@@ -28,6 +28,11 @@ class Stream(IntEnum):
     BOOTSTRAP = 8
     NORMALITY = 9
     HOLDOUT = 10
+    SOURCE_WORLD = 11
+    TARGET_WORLD = 12
+    OPTIMAL_DICE = 13
+    OPTIMAL_START = 14
+    OPTIMAL_WORLD = 15
 
 
 def sequence(seed: int, stream: Stream, index: int) -> np.random.SeedSequence:

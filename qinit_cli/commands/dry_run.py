@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from qinit_cli.commands.making import Plan
 
 TRIAL_TASKS = 4  # learned side by side, as the kernels like it
-TRIAL_SHARE = 50  # one episode in so many is tried ...
-FEWEST_TRIED, MOST_TRIED = 20, 2_000  # ... within these bounds
+TRIAL_SHARE = 25  # one episode in so many is tried ...
+FEWEST_TRIED, MOST_TRIED = 20, 20_000  # ... within these bounds
 SETTLED_SHARE = 5  # the last fifth of what was tried stands for all that follows
 
 

@@ -10,6 +10,7 @@ import typer
 
 from qinit_cli.commands.build import Group, add_command
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, flag, option
@@ -99,6 +100,12 @@ def train_sources(
     from qinit_cli.stages.sources import SourceTasks
 
     tasks = SourceTasks(family, sources.learner, sources.learning(FAMILIES[name]), sources.seed)
+    if tasks.learner == "exact" and not family.tabular:
+        raise UsageError(
+            f"{name} is not Markov in its table's states, so it has no exact tables; leave out --learner exact"
+        )
+    if family.warning:
+        note(display, f"warning: {family.warning}")
     plan = _plan(tasks, sources.tasks or family.source_tasks)
     if output.dry_run:
         tried = trial_episodes(tasks.learning.episodes)

@@ -6,6 +6,7 @@ the compiled kernels inside methods only, so that help stays fast.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from qinit_cli.learning import Learning
@@ -67,8 +68,16 @@ class Family(Protocol):
         """One task: a value for each parameter."""
         ...
 
-    def worlds(self, tasks: Tasks) -> Worlds:
-        """The tasks as the family's compiled loop takes them."""
+    @property
+    def warning(self) -> str:
+        """What whoever uses this distribution should know; empty if nothing."""
+        ...
+
+    def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
+        """The tasks as the family's compiled loop takes them.
+
+        `own` has a stream for each, for what a world draws beyond the slips of its steps.
+        """
         ...
 
     def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
@@ -87,8 +96,16 @@ class Family(Protocol):
         """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper."""
         ...
 
-    def solved(self, q: Floats, eopl: NDArray[np.int32], horizon: int) -> Flags:
-        """Whether the greedy path from the target start reaches the goal within the horizon, (B,)."""
+    def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
+        """Whether the path greedy in `q` (B, S, A) from the target start reaches the goal within the horizon, (B,)."""
+        ...
+
+    def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
+        """Whether a task can be solved at all, (B,), given which were: those that cannot teach nothing."""
+        ...
+
+    def nearness(self, tasks: Tasks, gamma: float, *, linear: bool) -> Floats:
+        """How near each state is to the goal by a plain distance, 0 to 1, (S,), or (B, S) where goals differ."""
         ...
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -97,8 +98,9 @@ class Gridworld:
 
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The target start, the middle of the goals and the far corner; Figure 5 of the paper."""
-        middle = float(round(2 * self.size / 3 if self.mean is None else self.mean))
-        return (0.0, 0.0), (middle, middle), (self.size - 1.0, self.size - 1.0)
+        far = self.size - 1.0
+        middle = min(float(round(2 * self.size / 3 if self.mean is None else self.mean)), far)
+        return (0.0, 0.0), (middle, middle), (far, far)
 
     def goal_chances(self) -> Floats:
         """How likely each cell is to be a task's goal, (S,): the normal rounded to cells, redrawn off the grid and at the start."""
@@ -142,8 +144,13 @@ class Gridworld:
                 row, column = (round(float(coordinate)) for coordinate in place)
         return row, column, float(chance.uniform(self.p_low, self.p_high))
 
-    def worlds(self, tasks: Tasks) -> Worlds:
-        """The tasks as the compiled loop takes them."""
+    @property
+    def warning(self) -> str:
+        """What whoever uses this distribution should know; nothing."""
+        return ""
+
+    def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
+        """The tasks as the compiled loop takes them; all their chance is in the steps' dice, `own` is not used."""
         from qinit_cli.kernels.gridworld import Gridworlds
 
         return Gridworlds(self.size, self._goals(tasks), tasks["p"].copy(), START)
@@ -199,14 +206,31 @@ class Gridworld:
         gridworld_exact.path_lengths(self._goals(tasks), tasks["p"].copy(), self.size, q, eopl)
         return eopl
 
-    def solved(self, q: Floats, eopl: NDArray[np.int32], horizon: int) -> Flags:
+    def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
         """Whether the greedy path from the target start reaches the goal within the horizon, (B,)."""
         import numpy as np
 
         greedy = q[:, START].argmax(axis=1)
-        length = eopl[np.arange(len(q)), START, greedy]
+        length = self.path_lengths(tasks, q, horizon)[np.arange(len(q)), START, greedy]
         arrives: Flags = (length > 0) & (length <= horizon)
         return arrives
+
+    def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
+        """Whether a task can be solved at all, (B,): always, as every cell can be reached."""
+        import numpy as np
+
+        return np.ones(len(tasks), np.bool_)
+
+    def nearness(self, tasks: Tasks, gamma: float, *, linear: bool) -> Floats:
+        """How near each cell is to the task's goal, 0 to 1, (B, S): gamma^d, or 1 - d/d_max, d the Manhattan distance."""
+        import numpy as np
+
+        row, column = np.divmod(np.arange(self.size**2), self.size)
+        down = np.abs(row - tasks["goal_row"][:, None].astype(np.int64))
+        across = np.abs(column - tasks["goal_col"][:, None].astype(np.int64))
+        distance = down + across
+        near: Floats = 1 - distance / (2 * (self.size - 1)) if linear else np.power(gamma, distance)
+        return near
 
     def _goals(self, tasks: Tasks) -> Integers:
         import numpy as np

@@ -10,6 +10,8 @@ from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream, sequence
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Watch
 
@@ -42,7 +44,7 @@ def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tupl
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
     eopl = sources.family.path_lengths(tasks, kept["q"], sources.learning.horizon)
     kept["eopl"] = eopl
-    kept["solved"] = sources.family.solved(kept["q"], eopl, sources.learning.horizon)
+    kept["solved"] = sources.family.solved(tasks, kept["q"], sources.learning.horizon)
     kept |= {name: tasks[name] for name in tasks.dtype.names or ()}
     return indices[finished], shaped(kept, sources.family)
 
@@ -79,7 +81,7 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
     from qinit_cli.kernels.batch import Records, Start, learn
 
     family = sources.family
-    worlds = family.worlds(tasks)
+    worlds = family.worlds(tasks, sequences(sources.seed, Stream.SOURCE_WORLD, indices))
     learned = learn(
         worlds,
         sources.learning,
@@ -107,9 +109,13 @@ def chance(seed: int, dice: Stream, starts: Stream, indices: Integers) -> Any:
     from qinit_cli.kernels.dice import lane_seeds, seeds
 
     return Chance(
-        dice=lane_seeds([sequence(seed, dice, int(index)) for index in indices]),
-        starts=seeds([sequence(seed, starts, int(index)) for index in indices]),
+        dice=lane_seeds(sequences(seed, dice, indices)), starts=seeds(sequences(seed, starts, indices))
     )
+
+
+def sequences(seed: int, stream: Stream, indices: Integers) -> list[np.random.SeedSequence]:
+    """The seed sequences of some tasks."""
+    return [sequence(seed, stream, int(index)) for index in indices]
 
 
 def bin_sizes(episodes: int, bins: int) -> Integers:

@@ -9,7 +9,7 @@ from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.learning import Learning
 from qinit_cli.methods import Initial, Targets
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.sources import Rows, chance, shaped
+from qinit_cli.stages.sources import Rows, chance, sequences, shaped
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -44,7 +44,7 @@ def learn_targets(
     tasks = targets.targets(indices).tasks
     own = initial.of(indices)
     learned = learn(
-        family.worlds(tasks),
+        family.worlds(tasks, sequences(targets.seed, Stream.TARGET_WORLD, indices)),
         learning,
         Start(own.start, own.potential if own.potential.any() else None),
         chance(targets.seed, Stream.TARGET_DICE, Stream.TARGET_START, indices),
