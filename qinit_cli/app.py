@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from typing import Annotated
 
 import typer
@@ -76,7 +77,7 @@ def run(arguments: list[str]) -> int:
         return _say(_usage(error), UsageError.exit_code)
     except Exception as error:
         if "--debug" in arguments:
-            raise
+            traceback.print_exception(error)
         return _say(*_sentence(error))
 
 
@@ -108,7 +109,9 @@ def _usage(error: typer.TyperException) -> str:
     """typer's message as one sentence, with the nearest names and where to read on."""
     message = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
-    return message if context is None else f"{message}; see {context.command_path} --help"
+    if context is None or not message:  # without arguments typer has shown the help already
+        return message
+    return f"{message}{' See' if message.endswith('?') else '; see'} {context.command_path} --help"
 
 
 def _say(message: str, code: int) -> int:
