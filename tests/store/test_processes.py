@@ -109,5 +109,6 @@ def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_pat
         seen = set()
         while child.poll() is None:
             seen.add(describe(path).tasks)
+            time.sleep(0.002)
         child.communicate()
     assert seen | {describe(path).tasks} == {2, 30}

@@ -1,0 +1,395 @@
+"""Files nobody vouches for: refused in bounded memory and time, and nothing outside them is read."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import shutil
+import time
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+from fakes import LIGHT, make_fit, make_sources
+
+from store.errors import Damaged, NotFound, StoreError
+from store.reading import describe, open_artefact
+from store.verify import verify
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    return make_sources(tmp_path_factory.mktemp("sound") / "a.h5", schema=LIGHT)
+
+
+def replaced(file, name, **how):
+    """The dataset `name` made again with other settings, its attributes kept."""
+    attributes = {
+        key: file[name].attrs[key] for key in ("dims", "units", "long_name") if key in file[name].attrs
+    }
+    del file[name]
+    dataset = file.create_dataset(name, **how)
+    for key, value in attributes.items():
+        dataset.attrs[key] = np.bytes_(value)
+    return dataset
+
+
+# Each gets an open, sound artefact and the path of an equal one. Were the link followed, every digest would hold.
+def external_link(file, other):
+    del file["steps"]
+    file["steps"] = h5py.ExternalLink(str(other), "steps")
+
+
+def external_link_in_a_middle_component(file, other):
+    file["inner"] = h5py.ExternalLink(str(other), "/")
+    del file["steps"]
+    file["steps"] = h5py.SoftLink("/inner/steps")
+
+
+def soft_link(file, other):
+    file.move("steps", "moved")
+    file["steps"] = h5py.SoftLink("/moved")
+
+
+def dangling_link(file, other):
+    file["more"] = h5py.SoftLink("/nowhere")
+
+
+def link_loop(file, other):
+    file["one"] = h5py.SoftLink("/two")
+    file["two"] = h5py.SoftLink("/one")
+
+
+def root_within_itself(file, other):
+    file["again"] = file["/"]
+
+
+def group(file, other):
+    file.create_group("inner")
+
+
+def named_type(file, other):
+    file["kind"] = np.dtype("f8")
+
+
+def external_storage(file, other):
+    raw = other.with_suffix(".raw")
+    values = file["steps"][...]
+    raw.write_bytes(values.tobytes())
+    replaced(file, "steps", shape=values.shape, dtype="<i4", external=[(str(raw), 0, values.nbytes)])
+
+
+def virtual_dataset(file, other):
+    layout = h5py.VirtualLayout(file["steps"].shape, "<i4")
+    layout[...] = h5py.VirtualSource(str(other), "steps", file["steps"].shape)
+    dims = file["steps"].attrs["dims"]
+    del file["steps"]
+    file.create_virtual_dataset("steps", layout).attrs["dims"] = np.bytes_(dims)
+
+
+def growing_virtual_dataset(file, other):
+    layout = h5py.VirtualLayout((6, 3), "<i4", maxshape=(None, 3))
+    source = h5py.VirtualSource(str(other), "steps", (6, 3), maxshape=(None, 3))
+    layout[: h5py.h5s.UNLIMITED] = source[: h5py.h5s.UNLIMITED]
+    del file["steps"]
+    file.create_virtual_dataset("steps", layout).attrs["dims"] = np.bytes_(b"task episode")
+
+
+def text_of_variable_length(file, other):
+    file.create_dataset("words", (6,), h5py.string_dtype()).attrs["dims"] = np.bytes_(b"task")
+
+
+def rows_of_variable_length(file, other):
+    file.create_dataset("words", (6,), h5py.vlen_dtype(np.int32)).attrs["dims"] = np.bytes_(b"task")
+
+
+def references(file, other):
+    file.create_dataset("pointers", (6,), h5py.ref_dtype).attrs["dims"] = np.bytes_(b"task")
+
+
+def compound(file, other):
+    file.create_dataset("pairs", (6,), np.dtype([("a", "i4"), ("b", "f8")])).attrs["dims"] = np.bytes_(
+        b"task"
+    )
+
+
+def attribute_of_variable_length(file, other):
+    file.attrs["note"] = "of variable length"
+
+
+def attribute_of_many_values(file, other):
+    file["steps"].attrs["list"] = np.arange(100)
+
+
+def huge_attribute(file, other):
+    file.attrs["provenance_json"] = np.bytes_(b"{" + b" " * 2**23 + b"}")
+
+
+def very_many_attributes(file, other):
+    for number in range(70):
+        file["steps"].attrs[f"a{number}"] = np.int64(1)
+
+
+def very_many_datasets(file, other):
+    for number in range(300):
+        file.create_dataset(f"d{number}", (6,), "i1")
+
+
+def shape_bomb(file, other):
+    replaced(file, "start", shape=(2**50, 1), dtype="<f8", chunks=(64, 1))
+
+
+def shape_bomb_of_tasks(file, other):
+    replaced(file, "task", shape=(2**45,), dtype="<i8", chunks=(64,))
+
+
+def shape_that_overflows(file, other):
+    replaced(file, "start", shape=(2**40, 2**23), dtype="<f8", chunks=(64, 1))
+
+
+def bomb_of_zeros(file, other):
+    replaced(file, "start", shape=(2**28, 1), dtype="<f8", chunks=(2**20, 1), compression="gzip")
+
+
+def giant_chunk(file, other):
+    replaced(file, "steps", shape=(6, 2**24), dtype="<i4", chunks=(2, 2**24))
+
+
+def endless_stream(file, other):
+    stream = zlib.compressobj(9)
+    head, again = (stream.compress(bytes(2**24)) + stream.flush(zlib.Z_FULL_FLUSH) for _ in range(2))
+    content = head + 255 * again  # 4 GiB
+    dataset = replaced(file, "start", shape=(4, 1), dtype="<f8", chunks=(4, 1), compression="gzip")
+    dataset.id.write_direct_chunk((0, 0), content)
+
+
+def filter_of_a_plug_in(file, other):
+    replaced(file, "steps", data=file["steps"][...], chunks=(6, 3), compression="lzf")
+
+
+def filter_that_loses(file, other):
+    replaced(file, "steps", data=file["steps"][...], chunks=(6, 3), scaleoffset=0)
+
+
+def room_to_grow(file, other):
+    replaced(file, "steps", data=file["steps"][...], chunks=(6, 3), maxshape=(None, 3))
+
+
+def name_with_a_blank(file, other):
+    file.create_dataset("a b", (6,), "i1")
+
+
+def axes_unknown(file, other):
+    file["steps"].attrs["dims"] = np.bytes_(b"task nowhere")
+
+
+def axes_too_many(file, other):
+    file["steps"].attrs["dims"] = np.bytes_(b"task episode place")
+
+
+def deep_settings(file, other):
+    file.attrs["spec_json"] = np.bytes_(b"[" * 100_000 + b"]" * 100_000)
+
+
+def settings_without_names(file, other):
+    file.attrs["spec_json"] = np.bytes_(b"[1]")
+
+
+def settings_with_infinity(file, other):
+    file.attrs["spec_json"] = np.bytes_(b'{"alpha": Infinity}')
+
+
+def no_settings(file, other):
+    del file.attrs["spec_json"]
+
+
+def unknown_format(file, other):
+    file.attrs["qinit_format"] = np.bytes_(b"qinit/novel")
+
+
+def column_missing(file, other):
+    del file["reached"]
+
+
+def column_of_another_type(file, other):
+    replaced(file, "reached", data=file["reached"][...].astype("f8"))
+
+
+def digest_not_covering(file, other):
+    file["steps"].attrs["hashed"] = np.int64(0)
+
+
+def ids_twice(file, other):
+    file["task"][1] = 0
+
+
+HOSTILE = [
+    external_link,
+    external_link_in_a_middle_component,
+    soft_link,
+    dangling_link,
+    link_loop,
+    root_within_itself,
+    group,
+    named_type,
+    external_storage,
+    virtual_dataset,
+    growing_virtual_dataset,
+    text_of_variable_length,
+    rows_of_variable_length,
+    references,
+    compound,
+    attribute_of_variable_length,
+    attribute_of_many_values,
+    huge_attribute,
+    very_many_attributes,
+    very_many_datasets,
+    shape_bomb,
+    shape_bomb_of_tasks,
+    shape_that_overflows,
+    bomb_of_zeros,
+    giant_chunk,
+    endless_stream,
+    filter_of_a_plug_in,
+    filter_that_loses,
+    room_to_grow,
+    name_with_a_blank,
+    axes_unknown,
+    axes_too_many,
+    deep_settings,
+    settings_without_names,
+    settings_with_infinity,
+    no_settings,
+    unknown_format,
+    column_missing,
+    column_of_another_type,
+    digest_not_covering,
+    ids_twice,
+]
+
+
+@pytest.mark.parametrize("hostile", HOSTILE)
+def test_a_hostile_file_is_refused_in_bounded_memory_and_time(sound, tmp_path, hostile):
+    path, other = tmp_path / "a.h5", tmp_path / "other.h5"
+    shutil.copy(sound, path)
+    shutil.copy(sound, other)
+    with h5py.File(path, "r+", libver=("v110", "v110")) as file:
+        hostile(file, other)
+    memory, begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    with pytest.raises(Damaged):
+        open_artefact(path)
+    assert time.process_time() - begin < 2
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory < 200 * 1024
+
+
+def test_a_stream_that_inflates_a_little_too_much_is_not_read_as_numbers(sound, tmp_path):
+    path = tmp_path / "a.h5"
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+", libver=("v110", "v110")) as file:
+        start = file["start"][...]
+        dataset = replaced(file, "start", shape=(4, 1), dtype="<f8", chunks=(4, 1), compression="gzip")
+        dataset.id.write_direct_chunk((0, 0), zlib.compress(start.tobytes()[:8] + bytes(2**20)))
+    with pytest.raises(Damaged):
+        open_artefact(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04 a zip", b"\0" * 4096, b"\x89HDF\r\n\x1a\n" + b"\xff" * 4096],
+)
+def test_what_is_no_hdf5_file_is_refused(tmp_path, content):
+    path = tmp_path / "a.h5"
+    path.write_bytes(content)
+    with pytest.raises(Damaged):
+        open_artefact(path)
+    with pytest.raises(Damaged):
+        describe(path)
+
+
+def test_a_pipe_a_directory_and_a_device_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe.h5")
+    (tmp_path / "directory.h5").mkdir()
+    for name in ("pipe.h5", "directory.h5", "/dev/zero"):
+        with pytest.raises(StoreError):
+            open_artefact(tmp_path / name)
+
+
+def test_nothing_is_not_found(tmp_path):
+    with pytest.raises(NotFound, match="`qinit list`"):
+        open_artefact(tmp_path / "a.h5")
+
+
+def test_verification_ends_a_reader_that_takes_too_much_memory(sound):
+    verdict = verify(sound, memory=64 * 1024**2)  # not enough to import numpy
+    assert not verdict.sound
+    assert "refused" in verdict.problem
+
+
+def test_verification_ends_a_reader_that_takes_too_long(sound):
+    verdict = verify(sound, seconds=0)
+    assert not verdict.sound
+    assert "refused" in verdict.problem
+
+
+def values_of(path):
+    """Everything a reader can get from an artefact."""
+    with open_artefact(path) as artefact:
+        names = [column.name for column in artefact.schema.columns]
+        arrays = {name: artefact.read(name) for name in (*names, "task")}
+        return {
+            **{name: (values.dtype.str, values.shape, values.tobytes()) for name, values in arrays.items()},
+            "said": json.dumps([artefact.spec, artefact.provenance, artefact.inputs, artefact.kind]),
+            "axes": {name: axis.values.tobytes() for name, axis in artefact.axes.items()},
+        }
+
+
+def noticed(path, content, expected):
+    """Whether reading the changed file fails; where it does not, every value is what it was."""
+    path.write_bytes(content)
+    try:
+        found = values_of(path)
+    except Damaged:
+        return True
+    assert found == expected
+    return False
+
+
+@pytest.mark.parametrize(
+    "make", [lambda path: make_sources(path, schema=LIGHT), make_fit], ids=["run", "fit"]
+)
+def test_flipped_bits_are_noticed_or_harmless(tmp_path, make):
+    path = make(tmp_path / "a.h5")
+    content, expected = path.read_bytes(), values_of(path)
+    chance = random.Random(7)
+    found = 0
+    for _ in range(150):
+        changed = bytearray(content)
+        changed[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        found += noticed(path, changed, expected)
+    assert found > 50  # the rest fell into padding
+
+
+def test_truncated_files_are_noticed(sound, tmp_path):
+    path = tmp_path / "a.h5"
+    content, expected = sound.read_bytes(), values_of(sound)
+    chance = random.Random(8)
+    cuts = sorted({0, 1, 8, 48, len(content) - 1, *(chance.randrange(len(content)) for _ in range(70))})
+    assert all(noticed(path, content[:cut], expected) for cut in cuts)
+
+
+@pytest.mark.soak
+def test_very_many_flipped_bits_and_blocks_are_noticed_or_harmless(tmp_path):
+    path = make_sources(tmp_path / "a.h5", tasks=40)
+    content, expected = path.read_bytes(), values_of(path)
+    chance = random.Random(9)
+    for _ in range(4000):
+        changed = bytearray(content)
+        at = chance.randrange(len(content))
+        if chance.random() < 0.5:
+            changed[at] ^= 1 << chance.randrange(8)
+        else:
+            changed[at : at + chance.choice((2, 8, 512))] = chance.randbytes(chance.choice((2, 8, 512)))
+        noticed(path, changed, expected)
