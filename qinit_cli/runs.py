@@ -22,6 +22,7 @@ class Run:
 
     name: str  # the artefact's, without its ending
     method: str
+    label: str  # the method, with what it starts from
     spec: dict[str, Any]
     steps: NDArray[np.int32]  # (T, E)
     reached: Flags  # (T, E)
@@ -54,6 +55,7 @@ class Run:
         return cls(
             name=artefact.path.stem,
             method=spec["method"]["name"],
+            label=spec["method"]["label"],
             spec=spec,
             steps=artefact.read("steps"),
             reached=artefact.read("reached").astype(bool),

@@ -12,6 +12,7 @@ from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.methods import Method
+from qinit_cli.methods.plus import Plus, initialisations
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FitOptions
@@ -57,7 +58,7 @@ def run(method: Method, targets: TargetTasks, tasks: int, fit: str) -> Spec:
     return {
         "kind": "run",
         "algorithm_version": ALGORITHM,
-        "method": {"name": method.name, **asdict(method)},  # type: ignore[call-overload]  # a dataclass
+        "method": _method(method),
         "family": _family(targets.family),
         "learning": asdict(targets.learning),
         "seed": targets.seed,
@@ -74,6 +75,15 @@ def family_of(spec: Spec) -> Family:
     if name not in FAMILIES:
         raise NotAllowed(f"the family {name} is not installed here; known are {', '.join(FAMILIES)}")
     return FAMILIES[name](**settings)
+
+
+def _method(method: Method) -> Spec:
+    """The method's name, label and options; a method that it starts from stands with its own options."""
+    settings = asdict(method)  # type: ignore[call-overload]  # a dataclass
+    if isinstance(method, Plus):
+        start = initialisations()[method.init]()
+        settings["init"] = {"name": start.name, **asdict(start)}  # type: ignore[call-overload]  # a dataclass
+    return {"name": method.name, "label": method.label, **settings}
 
 
 def _family(family: Family) -> Spec:

@@ -84,8 +84,10 @@ def compare(
             )
     if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
         for comparison in comparisons:
-            rows = [_marked(row) for row in _rows(comparison, comparing.metric)]
-            caption = "\n".join([CONDITIONAL, *(f"{mark} {remark}" for remark, mark in MARKS.items())])
+            plain = _rows(comparison, comparing.metric)
+            rows = [_marked(row) for row in plain]
+            marks = [f"{MARKS[remark]} {remark}" for remark in MARKS if any(row["remark"] == remark for row in plain)]
+            caption = "\n".join([CONDITIONAL, *marks])
             print_table(SCHEMA, columns[:-1], rows, tabular, display, title=comparison.title, caption=caption)
         return
     rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]

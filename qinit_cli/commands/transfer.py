@@ -163,7 +163,7 @@ def transfer(
         return
     made = make(plan, output, work, display)
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped)
-    already = f"{method.name}, {count} targets: already complete"
+    already = f"{method.label}, {count} targets: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally)
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
@@ -174,12 +174,12 @@ def _plan(method: Method, targets: TargetTasks, initial: Initial, count: int, kn
     from qinit_cli.stages.transfer import learn_targets, statics
 
     return Plan(
-        stem=f"{targets.family.label}-{method.name}-{count}-seed-{targets.seed}",
+        stem=f"{targets.family.label}-{method.label.replace('+', '-plus-')}-{count}-seed-{targets.seed}",
         spec=specs.run(method, targets, count, known.content_sha256),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         kernel=(targets.family.name.replace("-", "_"), "advance"),
-        what=method.name,
+        what=method.label,
         read=known.path,
         inputs=[known.given],
         statics=statics(initial, targets.family),
@@ -231,7 +231,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
 
 def _summary(method: Method, initial: Initial, tally: Tally) -> str:
     learned = tally.tasks - tally.skipped
-    sentence = f"{method.name}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    sentence = f"{method.label}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
     if initial.filled:
         sentence += f"; {initial.filled} state-actions that no source knows were filled"
     if initial.clipped:

@@ -207,4 +207,5 @@ class MountainCar:
     def _centres(self, low: float, high: float) -> Floats:
         import numpy as np
 
-        return low + (np.arange(self.bins) + 0.5) * ((high - low) / self.bins)
+        centres: Floats = low + (np.arange(self.bins) + 0.5) * ((high - low) / self.bins)
+        return centres

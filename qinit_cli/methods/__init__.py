@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from qinit_cli.methods.drs import Drs
 from qinit_cli.methods.logqinit_mean import LogQInitMean
 from qinit_cli.methods.logqinit_median import LogQInitMedian
 from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
@@ -9,6 +10,7 @@ from qinit_cli.methods.maxqinit import MaxQInit
 from qinit_cli.methods.mean import Mean
 from qinit_cli.methods.method import Initial, Method
 from qinit_cli.methods.optimal import Optimal
+from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.targets import Targets
 from qinit_cli.methods.ucoi import Ucoi
 from qinit_cli.methods.zero import Zero
@@ -24,6 +26,8 @@ METHODS: dict[str, type[Method]] = {
         LogQInitMean,
         LogQInitQuantile,
         Optimal,
+        Ptrs,
+        Drs,
     )
 }
 

@@ -60,6 +60,11 @@ class Method:
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
 
+    @property
+    def label(self) -> str:
+        """What it is called in names and tables."""
+        return self.name
+
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """First values, (S, A), NaN where no source knows; zeros."""
         import numpy as np

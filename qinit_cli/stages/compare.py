@@ -78,9 +78,9 @@ def curve(run: Run, metric: Metric) -> Floats:
 
 
 def labels(runs: Sequence[Run]) -> list[str]:
-    """Each run's method; where a method stands there twice, with the end of the artefact's name."""
-    count = Counter(run.method for run in runs)
-    return [run.method if count[run.method] == 1 else f"{run.method} {run.name[-8:]}" for run in runs]
+    """Each run's method; where one stands there twice, with the end of the artefact's name."""
+    count = Counter(run.label for run in runs)
+    return [run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}" for run in runs]
 
 
 def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
@@ -101,7 +101,7 @@ def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
 
 def _baseline(runs: list[Run], baseline: str) -> Run | None:
     """The run that the others are set against; None where there is none, NotAllowed where several could be meant."""
-    meant = [run for run in runs if baseline in (run.method, run.name)]
+    meant = [run for run in runs if baseline in (run.label, run.name)]
     if len(meant) > 1:
         names = ", ".join(run.name for run in meant)
         raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")

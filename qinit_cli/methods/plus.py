@@ -1,0 +1,52 @@
+"""The "+" variants: a method that shapes or follows, started by an initialisation instead of zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from qinit_cli.fields import option
+from qinit_cli.methods.method import Initialisation, Method
+from qinit_cli.methods.zero import Zero
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+    from qinit_cli.fitted import Fit
+    from qinit_cli.methods.targets import Targets
+
+
+@dataclass(frozen=True)
+class Plus(Method):
+    """A method whose start is another method's; with zero it is the method without "+"."""
+
+    init: str = option(
+        "zero",
+        "The initialisation to start from; anything but zero is the paper's + variant "
+        "(its text says logqinit-mean, its Figure 6 logqinit-median).",
+        metavar="METHOD",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.init not in initialisations():
+            raise ValueError(f"--init is {self.init}; it is one of {', '.join(initialisations())}")
+
+    @property
+    def label(self) -> str:
+        """The name, with what it starts from unless that is zero."""
+        return self.name if self.init == Zero.name else f"{self.name}+{self.init}"
+
+    def start(self, fit: Fit, targets: Targets) -> Floats:
+        """The initialisation's start, (S, A), filled by its own rule where no source knows."""
+        return initialisations()[self.init]().initial(fit, targets).start
+
+
+def initialisations() -> dict[str, type[Method]]:
+    """The methods that are a start table alone, made from the fit; zero among them."""
+    from qinit_cli.methods import METHODS
+
+    return {
+        name: method
+        for name, method in METHODS.items()
+        if method is Zero or issubclass(method, Initialisation)
+    }
