@@ -47,17 +47,27 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
         _say_compiling(opened, display)
         shown = stage.show(opened)
         told = finite(_told(opened, shown))
-        axes = opened.axes
+        states = _states(opened)
     match tabular.chosen:
         case "table":
-            terminal = console(display)
+            terminal = _terminal(display)
             print_sections(told, terminal)
-            _print_picture(told["kind"], shown, axes, terminal)
+            _print_picture(told["kind"], shown, states, terminal)
         case "json":
             print(json.dumps({"schema": SCHEMA, **told}, allow_nan=False))
         case _:
             rows = [{"key": key, "value": value} for key, value in flat(told)]
             print_table(SCHEMA, [TableColumn("key"), TableColumn("value")], rows, tabular, display)
+
+
+def _terminal(display: Display) -> Console:
+    """The console of stdout, as wide as it is: of one that calls itself dumb, rich believes 80 columns."""
+    import shutil
+
+    terminal = console(display)
+    if terminal.is_dumb_terminal:
+        terminal.size = shutil.get_terminal_size()
+    return terminal
 
 
 def _told(artefact: Artefact, shown: Shown) -> dict[str, Any]:
@@ -73,9 +83,15 @@ def _told(artefact: Artefact, shown: Shown) -> dict[str, Any]:
         "numbers": shown.numbers,
         "provenance": artefact.provenance,
         "inputs": list(artefact.inputs),
-        "axes": {name: _axis(axis) for name, axis in artefact.axes.items()},
+        "axes": {name: _axis(artefact.axes[name]) for name in _axis_names(artefact)},
         "datasets": _datasets(artefact),
     }
+
+
+def _axis_names(artefact: Artefact) -> list[str]:
+    """The axes in the order in which tables have them."""
+    widest = sorted(artefact.schema.columns, key=lambda column: -len(column.dims))
+    return list(dict.fromkeys(dim for column in widest for dim in column.dims))
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -91,6 +107,12 @@ def _axis(axis: Axis) -> dict[str, Any]:
     if axis.values.dtype.kind == "S" and axis.values.size <= LISTED:
         told["labels"] = [_label(value) for value in axis.values]
     return told
+
+
+def _states(artefact: Artefact) -> list[Axis]:
+    """The state axes of a fit, in the order of its tables."""
+    dims = next((column.dims for column in artefact.schema.columns if column.name == "mu"), ())
+    return [artefact.axes[name] for name in dims if name != "action"]
 
 
 def _label(value: Any) -> Any:
@@ -144,7 +166,7 @@ def _say_compiling(artefact: Artefact, display: Display) -> None:
             note(display, "compiling the kernels, once")
 
 
-def _print_picture(kind: str, shown: Shown, axes: dict[str, Axis], terminal: Console) -> None:
+def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
     from qinit_cli.figures.terminal.curve import curve
     from qinit_cli.figures.terminal.heatmap import MapAxis, heatmap
@@ -163,7 +185,6 @@ def _print_picture(kind: str, shown: Shown, axes: dict[str, Axis], terminal: Con
             title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
             lines = curve(shown.picture, 1, "episode", sheet)
         case _:
-            states = [axis for name, axis in axes.items() if name not in ("action", "library", "task")]
             if len(states) != 2:
                 return  # a map has two axes
             title = "log-normal median of Q, its largest over actions"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,13 +18,16 @@ def print_sections(told: Told, terminal: Console) -> None:
     terminal.print(
         f"{told['kind']} {told['name']}", style="bold", highlight=False, markup=False, soft_wrap=True
     )
-    _print_pairs(_origin(told), terminal)
+    _print_rows(_origin(told), terminal)
     _print_section("settings", _settings(told["spec"]), terminal)
-    _print_section("numbers", [(key, _number(value)) for key, value in told["numbers"].items()], terminal)
+    _print_section(
+        "numbers", [(_words(key), _number(value)) for key, value in told["numbers"].items()], terminal
+    )
     _print_section(
         "axes", [(name, _axis(axis)) for name, axis in told["axes"].items() if name != "byte"], terminal
     )
-    _print_section("datasets", [(name, _dataset(kept)) for name, kept in told["datasets"].items()], terminal)
+    for dims, rows in _datasets(told["datasets"]).items():
+        _print_section(f"datasets over {', '.join(dims)}", rows, terminal)
 
 
 def _origin(told: Told) -> list[tuple[str, str]]:
@@ -51,10 +55,10 @@ def _origin(told: Told) -> list[tuple[str, str]]:
 
 
 def _settings(spec: Told) -> list[tuple[str, str]]:
-    """One line for each group of settings; hashes of inputs stand with the origin."""
+    """One line for each group of settings; hashes of inputs stand with the origin, the version with --json."""
     lines = []
     for key, value in spec.items():
-        if key in ("kind", "inputs"):
+        if key in ("kind", "inputs", "algorithm_version"):
             continue
         if key == "sources" and isinstance(value, dict):  # those of a fit's sources, one level down
             lines += _settings(value)
@@ -95,26 +99,35 @@ def _axis(axis: Told) -> str:
     return f"{axis['length']}: {values}{unit}"
 
 
-def _dataset(kept: Told) -> str:
-    shape = " x ".join(f"{length} {dim}" for dim, length in zip(kept["dims"], kept["shape"], strict=True))
-    unit = f" in {kept['unit']}" if kept["unit"] not in ("", "1") else ""
-    meaning = f"; {kept['long_name']}" if kept["long_name"] else ""
-    return f"{kept['dtype'].lstrip('<|')} ({shape}){unit}{meaning}"
+def _datasets(datasets: Told) -> dict[tuple[str, ...], list[tuple[str, str, str]]]:
+    """By their dimensions: name, type and meaning of each."""
+    groups: dict[tuple[str, ...], list[tuple[str, str, str]]] = {}
+    for name, kept in datasets.items():
+        unit = f" [{kept['unit']}]" if kept["unit"] not in ("", "1") else ""
+        row = (name, kept["dtype"].lstrip("<|"), kept["long_name"] + unit)
+        groups.setdefault(tuple(kept["dims"]), []).append(row)
+    return groups
 
 
-def _print_section(title: str, pairs: list[tuple[str, str]], terminal: Console) -> None:
-    if pairs:
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _print_section(title: str, rows: Sequence[Sequence[str]], terminal: Console) -> None:
+    if rows:
         terminal.print(f"\n{title}", style="bold", highlight=False)
-        _print_pairs(pairs, terminal)
+        _print_rows(rows, terminal)
 
 
-def _print_pairs(pairs: list[tuple[str, str]], terminal: Console) -> None:
+def _print_rows(rows: Sequence[Sequence[str]], terminal: Console) -> None:
+    """Rows of equal length; the last column is folded where it does not fit."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True, style="cyan")
-    table.add_column(overflow="fold")
-    for key, value in pairs:
-        table.add_row(Text(f"  {key}"), Text(value))
+    for column in range(1, len(rows[0])):
+        table.add_column(no_wrap=column < len(rows[0]) - 1, overflow="fold")
+    for key, *values in rows:
+        table.add_row(Text(f"  {key}"), *map(Text, values))
     terminal.print(table)

@@ -157,7 +157,7 @@ def _run(artefact: Artefact) -> Shown:
     if not targets:
         return Shown({"targets": 0, "episodes": len(earned)}, np.empty(0))
     curve = earned / targets
-    numbers = {
+    numbers: dict[str, int | float | str] = {
         "targets": targets,
         "episodes": len(curve),
         "average_return": float(curve.mean()),

@@ -48,7 +48,7 @@ def _edges(values: Floats) -> Floats:
     step = marks[1] - marks[0] if len(marks) > 1 else high - low
     first = marks[0] - step if marks[0] > low else marks[0]
     count = int(np.ceil((high - first) / step - 1e-9))
-    edges = first + step * np.arange(count + 1)
+    edges = np.array([first + step * place for place in range(count + 1)])
     edges[-1] = max(edges[-1], high)
     edges[0] = min(edges[0], low)
     return edges
