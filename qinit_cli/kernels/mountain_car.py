@@ -21,16 +21,16 @@ from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.dice import Words, draw_block, slip_limit, unit
 from qinit_cli.kernels.lane import (
     BLOCK,
+    Table,
     end_block,
     is_idle,
     lanes_in_use,
     leave,
     make_terminal,
-    table,
     take,
     update,
 )
-from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, store_whole, whole
+from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
@@ -54,10 +54,10 @@ class World(NamedTuple):
     noise_dice: Any  # u8 (B, 4), or None if pushes belong to tasks
     position: Any  # f8 (L,)
     velocity: Any  # f8 (L,)
-    cell: Any  # i8 (L,)
-    after: Any  # i8 (L,) the cell that the step leads to
-    action: Any  # i8 (L,)
-    push: Any  # f8 (L,) of the action
+    time: Any  # f8 (L,) steps in the current episode
+    cell: Any  # u4 (L,)
+    after: Any  # u4 (L,) the cell that the step leads to
+    action: Any  # u1 (L,)
     lane_eta: Any  # f8 (L,)
     gusts: Any  # f8 (L * BLOCK,), eta of every step, eight lanes side by side; None if pushes belong to tasks
     start_position: Any  # f8 (L, BLOCK), e % BLOCK for where the car is after the e-th episode
@@ -108,10 +108,10 @@ class MountainCars:
             noise_dice=self.noise_dice.copy() if gusty and self.noise_dice is not None else None,
             position=np.full(lanes, -0.5),
             velocity=np.zeros(lanes),
-            cell=np.zeros(lanes, np.int64),
-            after=np.zeros(lanes, np.int64),
-            action=np.zeros(lanes, np.int64),
-            push=np.zeros(lanes),
+            time=np.zeros(lanes),
+            cell=np.zeros(lanes, np.uint32),
+            after=np.zeros(lanes, np.uint32),
+            action=np.zeros(lanes, np.uint8),
             lane_eta=np.zeros(lanes),
             gusts=np.zeros(lanes * BLOCK) if gusty else None,
             start_position=np.zeros((lanes, BLOCK)),
@@ -121,14 +121,20 @@ class MountainCars:
 
 
 @inlined
-def move(position, velocity, push, eta, hill):
+def pull(position):
+    """What gravity adds to the velocity in a step; one car, or eight side by side."""
+    return cosine(3.0 * position) * -GRAVITY
+
+
+@inlined
+def move(position, velocity, change, eta, hill):
     """The car's position and velocity after a step; one car, or eight side by side.
 
-    push: PUSHES of the action. eta is added to the position where that is >= hill before the step.
+    change: PUSHES of the action + pull(position). eta is added to the position where that is >= hill before
+    the step.
     """
     gust = chosen(position >= hill, eta, 0.0)
-    velocity = velocity + (push + cosine(3.0 * position) * -GRAVITY)
-    velocity = _between(velocity, -FASTEST, FASTEST)
+    velocity = _between(velocity + change, -FASTEST, FASTEST)
     position = _between(position + (velocity + gust), LEFT, RIGHT)
     velocity = chosen((position == LEFT) & (velocity < 0.0), 0.0, velocity)
     return position, velocity
@@ -188,36 +194,75 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
 @lean
 def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, gusts):
     """A block of steps in eight lanes; what happens in those without a task is nobody's."""
-    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
-    goal = world.bins * world.bins
-    eta = load_reals(world.lane_eta, first)
+    alpha, gamma, hill, bins = setting.alpha, setting.gamma, world.hill, np.float64(world.bins)
+    goal, horizon = bins * bins, np.float64(setting.horizon)
+    end = first + EIGHT
+    rows, ties, counts, spreads = (
+        lanes.rows[first:end],
+        lanes.ties[first:end],
+        lanes.visits[first:end],
+        lanes.td_var[first:end],
+    )
+    choices, cells, afters, actions = (
+        lanes.choices[first:end],
+        world.cell[first:end],
+        world.after[first:end],
+        world.action[first:end],
+    )
+    position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
+    time, eta, gravity = load_reals(world.time, first), load_reals(world.lane_eta, first), pull(position)
     for step in range(BLOCK):
-        for lane in range(first, first + EIGHT):
-            action = ACTIONS[lanes.choices[lane, step] | lanes.ties[lane, world.cell[lane]]]
-            world.action[lane] = action
-            world.push[lane] = PUSHES[action]
-        position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
+        for lane in range(EIGHT):
+            actions[lane] = ACTIONS[choices[lane, step] | ties[lane, cells[lane]]]
         if gusts is not None:
             eta = load_reals(gusts, first * BLOCK + step * EIGHT)
-        position, velocity = move(position, velocity, load_reals(world.push, first), eta, world.hill)
-        store_reals(world.position, first, position)
-        store_reals(world.velocity, first, velocity)
-        cell = bin_of(position, velocity, np.float64(world.bins))
-        store_whole(world.after, first, chosen(is_done(position, velocity), np.float64(goal), cell))
-        for lane in range(first, first + EIGHT):
-            after = world.after[lane]
-            own = table(lanes, lane)
-            update(own, world.cell[lane], world.action[lane], after, alpha, gamma, potential, visits, td_var)
-            time = lanes.time[lane] + 1
-            world.cell[lane], lanes.time[lane] = after, time
-            if after == goal or time == horizon:
-                _end(lane, time, after == goal, world, setting, tasks, lanes, visits, td_var)
+        position, velocity = move(position, velocity, _pushes(actions) + gravity, eta, hill)
+        done = is_done(position, velocity)
+        store_whole(afters, 0, chosen(done, goal, bin_of(position, velocity, bins)))
+        gravity = pull(
+            position
+        )  # of the next step: it takes as long as the updates, which need not wait for it
+        time = time + 1.0
+        for lane in range(EIGHT):
+            own = Table(rows[lane], ties[lane], counts[lane], spreads[lane])
+            update(own, cells[lane], actions[lane], afters[lane], alpha, gamma, potential, visits, td_var)
+            cells[lane] = afters[lane]
+        ended = bits(done | (time == horizon))
+        if ended:
+            store_reals(world.position, first, position)
+            store_reals(world.velocity, first, velocity)
+            store_reals(world.time, first, time)
+            for lane in range(EIGHT):
+                if ended >> lane & 1:
+                    _end(first + lane, bits(done) >> lane & 1, world, setting, tasks, lanes, visits, td_var)
+            position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
+            time, gravity = load_reals(world.time, first), pull(position)
+    store_reals(world.position, first, position)
+    store_reals(world.velocity, first, velocity)
+    store_reals(world.time, first, time)
 
 
 @inlined
-def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
+def _pushes(actions):
+    """PUSHES of eight actions; read one by one, because a vector cannot be read at once where its parts were
+    just written."""
+    return reals(
+        PUSHES[actions[0]],
+        PUSHES[actions[1]],
+        PUSHES[actions[2]],
+        PUSHES[actions[3]],
+        PUSHES[actions[4]],
+        PUSHES[actions[5]],
+        PUSHES[actions[6]],
+        PUSHES[actions[7]],
+    )
+
+
+@inlined
+def _end(lane, reached, world, setting, tasks, lanes, visits, td_var):
     """Notes an episode's length and puts the car where the next one starts."""
     episode = lanes.ended[lane]
+    length = np.int64(world.time[lane])
     lanes.lengths[lane, episode % BLOCK] = length if reached else -length
     lanes.ended[lane] = episode + 1
     if episode + 1 == setting.episodes:
@@ -225,14 +270,13 @@ def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
     _put(
         lane, world.start_position[lane, episode % BLOCK], world.start_velocity[lane, episode % BLOCK], world
     )
-    lanes.time[lane] = 0
 
 
 @inlined
 def _put(lane, position, velocity, world):
     """Puts the lane's car there."""
-    world.position[lane], world.velocity[lane] = position, velocity
-    world.cell[lane] = np.int64(bin_of(position, velocity, np.float64(world.bins)))
+    world.time[lane], world.position[lane], world.velocity[lane] = 0.0, position, velocity
+    world.cell[lane] = np.uint32(bin_of(position, velocity, np.float64(world.bins)))
 
 
 @lean

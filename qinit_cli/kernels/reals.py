@@ -23,7 +23,7 @@ intrinsic: Any = extending.intrinsic  # it is called with values, not with what 
 
 EIGHT = 8
 _NUMBERS = ir.VectorType(ir.DoubleType(), EIGHT)
-_WHOLE = ir.VectorType(ir.IntType(64), EIGHT)
+_WHOLE = ir.VectorType(ir.IntType(32), EIGHT)
 _BITS = ir.VectorType(ir.IntType(1), EIGHT)
 _ORDER = ir.VectorType(ir.IntType(32), EIGHT)
 
@@ -81,24 +81,28 @@ def store_reals(typing: Any, array: Any, position: Any, reals: Any) -> Any:
 
 @intrinsic
 def store_whole(typing: Any, array: Any, position: Any, reals: Any) -> Any:
-    """Writes the whole parts of eight numbers into an i8 array, one-dimensional and contiguous."""
+    """Writes the whole parts of eight numbers, 0 to 2^31 - 1, into a u4 array, one-dimensional and
+    contiguous."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         whole = builder.fptosi(arguments[2], _WHOLE)
-        builder.store(whole, _place(context, builder, signature, arguments, _WHOLE), align=8)
+        builder.store(whole, _place(context, builder, signature, arguments, _WHOLE), align=4)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, reals), generate
 
 
 @intrinsic
-def spread(typing: Any, number: Any) -> Any:
-    """Eight times the same number."""
+def reals(typing: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> Any:
+    """Eight numbers put side by side."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _spread(builder, arguments[0])
+        vector = ir.Constant(_NUMBERS, ir.Undefined)
+        for place, number in enumerate(arguments):
+            vector = builder.insert_element(vector, number, ir.Constant(ir.IntType(32), place))
+        return vector
 
-    return _reals(types.float64), generate
+    return _reals(*[types.float64] * EIGHT), generate
 
 
 @intrinsic
