@@ -301,6 +301,8 @@ def _read_column(name: str, dataset: h5py.Dataset, dims: tuple[str, ...]) -> Col
 
 
 def _text(attributes: h5py.AttributeManager, name: str) -> str:
+    if name not in attributes:
+        raise ValueError(f"it has no {name}")
     value = attributes[name]
     if not isinstance(value, bytes):
         raise ValueError(f"{name} is no fixed-length text")
