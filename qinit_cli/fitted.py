@@ -22,6 +22,11 @@ class FitOptions:
         100, "Source tables kept whole for methods that choose among them.", low=0, metavar="K"
     )
 
+    exclude_unlearned: bool = option(
+        False,
+        "Leave out sources that could be solved but whose greedy path fails; unsolvable ones always are.",
+    )
+
     def __post_init__(self) -> None:
         check(self)
 

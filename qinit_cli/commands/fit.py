@@ -12,6 +12,8 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
+    from qinit_cli.environments import Family
+    from qinit_cli.stages.fit import Selection
     from store.reading import Artefact
     from store.schema import Schema
 
@@ -44,31 +46,64 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
 
     path = references.one(sources, output.store)
     with open_artefact(path, "sources") as source:
-        count = source.task_count
-        if count < FEWEST_SOURCES:
-            raise NotAllowed(
-                f"{path} holds {count} source task; a fit needs at least {FEWEST_SOURCES}: ask for more with --tasks"
-            )
         family = specs.family_of(source.spec)
+        selection = _selection(source, family, fitting)
+        count = int(selection.kept.sum())
         spec = specs.fit(source.spec, [source.content_sha256], fitting)
-        schema = fit_schema(family.axes(), action_axis(family), min(count, fitting.library))
+        library = stage.library_size(selection, fitting)
+        schema = fit_schema(family.axes(), action_axis(family), library)
         target = target_path(output, "fit", f"{family.label}-{count}-{fitting.estimator}", spec)
         if output.dry_run:
             say_expected(Expected(str(target), count, 0, 0, 0.0, _bytes(schema)), output, display)
             return
+        tally = Tally(
+            tasks=count, extra={"unsolvable": selection.unsolvable, "unlearned": selection.unlearned}
+        )
         origin = provenance(path)
         with open_work(
             target, schema, spec, force=output.force, wait=output.wait, provenance=origin
         ) as artefact:
-            tally = Tally(tasks=count, skipped=count if artefact.complete else 0)
+            complete = artefact.complete
             sentence = "fit: already complete"
-            if not artefact.complete:
+            if not complete:
                 blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
-                arrays = stage.fit(blocks, count, fitting)
+                arrays = stage.fit(blocks, selection, fitting)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
-                sentence = _summary(arrays, count)
-    made = Made(target, describe(target).content_sha256, tally, artefact.complete)
-    say_result(made, "qinit.fit/1", sentence, output, display)
+                sentence = _summary(arrays, selection)
+    tally.skipped = count if complete else 0
+    say_result(
+        Made(target, describe(target).content_sha256, tally, complete),
+        "qinit.fit/1",
+        sentence,
+        output,
+        display,
+    )
+
+
+def _selection(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
+    """Which sources are fitted; NotAllowed where they are too few."""
+    import numpy as np
+
+    from qinit_cli.stages.fit import select
+
+    columns = family.parameters()
+    tasks = np.empty(source.task_count, [(column.name, column.dtype) for column in columns])
+    solved = np.empty(source.task_count, np.bool_)
+    first = 0
+    for block in source.blocks([*(column.name for column in columns), "solved"], source.schema.block_size):
+        rows = slice(first, first + len(block["task"]))
+        for column in columns:
+            tasks[column.name][rows] = block[column.name]
+        solved[rows] = block["solved"]
+        first = rows.stop
+    horizon = int(source.spec["learning"]["horizon"])
+    selection = select(family, tasks, solved, horizon, fitting)
+    if (count := int(selection.kept.sum())) < FEWEST_SOURCES:
+        raise NotAllowed(
+            f"{source.path} has {count} sources to fit ({selection.unsolvable} cannot be solved, {selection.unlearned} "
+            f"were not learned); a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
+        )
+    return selection
 
 
 def _bytes(schema: Schema) -> int:
@@ -85,10 +120,15 @@ def _input(source: Artefact) -> dict[str, str]:
     return {"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}
 
 
-def _summary(arrays: dict[str, Any], count: int) -> str:
+def _summary(arrays: dict[str, Any], selection: Selection) -> str:
     unknown = int((arrays["n"] == 0).sum())
     masked = int(arrays["n_masked"].sum())
-    return (
-        f"{count} sources fitted over {arrays['n'].size} state-actions; {masked} entries masked (Q not positive), "
-        f"{unknown} state-actions that no source knows"
+    sentence = (
+        f"{int(selection.kept.sum())} sources fitted over {arrays['n'].size} state-actions; {masked} entries masked "
+        f"(Q not positive), {unknown} state-actions that no source knows"
     )
+    if selection.unsolvable:
+        sentence += f"; {selection.unsolvable} sources cannot be solved and are left out"
+    if selection.unlearned:
+        sentence += f"; {selection.unlearned} could be solved but were not learned"
+    return sentence

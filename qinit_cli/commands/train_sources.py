@@ -155,17 +155,23 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
     """What was learned and how well; the errors also go into the tally."""
     import numpy as np
 
+    from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.seeding import Stream
     from store.reading import open_artefact
 
     tally = made.tally
     with open_artefact(made.path, "sources") as artefact:
-        solved = int(artefact.read("solved").sum())
+        solved = artefact.read("solved").astype(bool)
+    drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, np.arange(len(solved)))
+    solvable = tasks.family.solvable(drawn, solved, tasks.learning.horizon)
     learned = tally.tasks - tally.skipped
     sentence = (
         f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
-        f"{solved} of {tally.tasks} solved"
+        f"{solved.sum()} of {tally.tasks} solved"
     )
-    tally.extra["solved"] = solved
+    if not solvable.all():
+        sentence += f", {(~solvable).sum()} cannot be"
+    tally.extra |= {"solved": int(solved.sum()), "unsolvable": int((~solvable).sum())}
     if tasks.learner == "exact" or not tasks.family.tabular:
         return sentence
     errors = _errors(made.path, tasks)

@@ -207,5 +207,4 @@ class MountainCar:
     def _centres(self, low: float, high: float) -> Floats:
         import numpy as np
 
-        centres: Floats = low + (np.arange(self.bins) + 0.5) * ((high - low) / self.bins)
-        return centres
+        return low + (np.arange(self.bins, dtype=np.float64) + 0.5) * ((high - low) / self.bins)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.environments.family import Family
 from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.moments import SourceMoments
+    from qinit_cli.arrays import Flags, Tasks
 
 BLOCK = 64  # tasks; a fixed partition in task order, else a fit's last bits would depend on how it was read
 
@@ -18,23 +21,56 @@ MASKED = 2  # a flag: some sources have none, and are left out
 Block = dict[str, Any]  # "task", "q", "td_var" and "eopl" of up to BLOCK source tasks
 
 
-def fit(blocks: Iterable[Block], tasks: int, options: FitOptions) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Selection:
+    """Which sources teach a fit."""
+
+    kept: Flags  # (N,) in task order
+    unsolvable: int  # cannot be solved at all: always left out
+    unlearned: int  # could be solved, but their greedy path fails: kept unless that is excluded
+
+
+def select(family: Family, tasks: Tasks, solved: Flags, horizon: int, options: FitOptions) -> Selection:
+    """The sources to fit, of those drawn as `tasks` (N,) and `solved` (N,) by their own greedy paths."""
+    solvable = family.solvable(tasks, solved, horizon)
+    unlearned = solvable & ~solved
+    kept = solvable & ~unlearned if options.exclude_unlearned else solvable
+    return Selection(kept, int((~solvable).sum()), int(unlearned.sum()))
+
+
+def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> dict[str, Any]:
     """The arrays of a fit, state axes as in the blocks; memory is that of a block and the library.
 
-    `blocks` partitions `tasks` source tasks in task order, BLOCK in each but the last.
+    `blocks` partitions the source tasks in task order, BLOCK in each but the last.
     """
     import numpy as np
 
     from qinit_cli.analysis.moments import source_moments
 
-    library = _Library(min(tasks, options.library))
-    moments = source_moments((block["q"], block["eopl"]) for block in library.reading(blocks))
+    library = _Library(library_size(selection, options))
+    kept = _kept(blocks, selection.kept)
+    moments = source_moments((block["q"], block["eopl"]) for block in library.reading(kept))
     return _tables(moments, options.estimator) | {
         "value_mean": moments.value.mean,
         "library_q": np.concatenate(library.q) if library.q else _no_tables(moments),
         "library_td_var": np.concatenate(library.td_var) if library.td_var else _no_tables(moments),
         "library_task": np.concatenate([np.empty(0, np.int64), *library.task]),
     }
+
+
+def library_size(selection: Selection, options: FitOptions) -> int:
+    """How many whole tables the fit keeps."""
+    return min(int(selection.kept.sum()), options.library)
+
+
+def _kept(blocks: Iterable[Block], kept: Flags) -> Iterator[Block]:
+    """The blocks with only the sources that are kept; those without any are passed over."""
+    first = 0
+    for block in blocks:
+        chosen = kept[first : first + len(block["task"])]
+        first += len(block["task"])
+        if chosen.any():
+            yield {name: values[chosen] for name, values in block.items()}
 
 
 class _Library:
