@@ -127,12 +127,17 @@ def pull(position):
 
 
 @inlined
-def move(position, velocity, change, eta, hill):
+def move(position, velocity, push, eta, hill):
     """The car's position and velocity after a step; one car, or eight side by side.
 
-    change: PUSHES of the action + pull(position). eta is added to the position where that is >= hill before
-    the step.
+    push: PUSHES of the action. eta is added to the position where that is >= hill before the step.
     """
+    return roll(position, velocity, push + pull(position), eta, hill)
+
+
+@inlined
+def roll(position, velocity, change, eta, hill):
+    """`move`, given what push and gravity together add to the velocity."""
     gust = chosen(position >= hill, eta, 0.0)
     velocity = _between(velocity + change, -FASTEST, FASTEST)
     position = _between(position + (velocity + gust), LEFT, RIGHT)
@@ -216,7 +221,7 @@ def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_v
             actions[lane] = ACTIONS[choices[lane, step] | ties[lane, cells[lane]]]
         if gusts is not None:
             eta = load_reals(gusts, first * BLOCK + step * EIGHT)
-        position, velocity = move(position, velocity, _pushes(actions) + gravity, eta, hill)
+        position, velocity = roll(position, velocity, _pushes(actions) + gravity, eta, hill)
         done = is_done(position, velocity)
         store_whole(afters, 0, chosen(done, goal, bin_of(position, velocity, bins)))
         gravity = pull(
@@ -244,8 +249,7 @@ def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_v
 
 @inlined
 def _pushes(actions):
-    """PUSHES of eight actions; read one by one, because a vector cannot be read at once where its parts were
-    just written."""
+    """PUSHES of eight actions, read one by one: a vector cannot be read at once where its parts were just written."""
     return reals(
         PUSHES[actions[0]],
         PUSHES[actions[1]],

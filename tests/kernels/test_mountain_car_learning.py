@@ -14,7 +14,7 @@ from qinit_cli.kernels import dice
 from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Watch, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
-from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move, pull
+from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
 from qinit_cli.kernels.reals import load_reals, store_reals
 from qinit_cli.learning import Learning
 
@@ -91,7 +91,7 @@ def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
 @lean
 def moved(position, velocity, push, eta, hill, after):  # type: ignore[no-untyped-def]
     """One step of one car."""
-    after[0], after[1] = move(position, velocity, push + pull(position), eta, hill)
+    after[0], after[1] = move(position, velocity, push, eta, hill)
 
 
 @lean
