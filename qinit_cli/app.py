@@ -14,6 +14,7 @@ from qinit_cli.commands import (
     compare,
     config,
     doctor,
+    export,
     fit,
     list_artefacts,
     plot,
@@ -34,7 +35,19 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-for module in (train_sources, fit, transfer, compare, plot, list_artefacts, show, sample_size, config, doctor):
+for module in (
+    train_sources,
+    fit,
+    transfer,
+    compare,
+    plot,
+    list_artefacts,
+    show,
+    sample_size,
+    config,
+    doctor,
+    export,
+):
     module.add_to(app)
 
 

@@ -1,0 +1,220 @@
+"""`qinit export`: artefacts as files for other programs."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Literal, cast, get_args
+
+import typer
+
+from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.messages import note
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.fields import check, option
+
+if TYPE_CHECKING:
+    from qinit_cli.stages.long_tables import Field
+    from store.reading import Artefact
+
+Format = Literal["csv", "parquet", "npz", "json"]
+TEXT = ("csv", "json")  # what may go to stdout
+LONG = ("csv", "parquet")  # one long table; the others hold arrays by name
+STDOUT = "-"
+
+
+@dataclass(frozen=True)
+class Exporting:
+    """What is written, and where."""
+
+    to: Format | None = option(
+        None,
+        "csv and parquet hold one long table, npz and json arrays by name.",
+        default_text="the ending of -o",
+    )
+    what: str | None = option(
+        None,
+        "The table. Sources: tables, tasks, curves. A fit: state-actions, states, library. "
+        "A run: episodes, targets, start, potential, evaluations, final.",
+        metavar="TABLE",
+        default_text="the first of these; for npz and json everything",
+    )
+    output: str | None = option(
+        None,
+        "Write here; - is stdout, for csv and json.",
+        short="-o",
+        metavar="FILE",
+        default_text="stdout in a pipe",
+    )
+    force: bool = option(False, "Replace a file of that name.")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def format(self) -> Format:
+        """As asked for, else by the file's ending; UsageError without either."""
+        ending = Path(self.output or "").suffix.lstrip(".").lower()
+        if self.to is None and ending not in get_args(Format):
+            raise UsageError(
+                "nothing says which format: --to csv, parquet, npz or json, or -o with such an ending"
+            )
+        return self.to or cast(Format, ending)
+
+    @property
+    def destination(self) -> Path | None:
+        """The file, None for stdout; UsageError where stdout cannot take it or the file's folder is missing."""
+        if self.output in (None, STDOUT):
+            if self.format not in TEXT:
+                raise UsageError(f"{self.format} is no text for stdout; give a file: -o FILE.{self.format}")
+            if self.output is None and sys.stdout.isatty():
+                raise UsageError(
+                    f"this would fill the terminal; give a file, -o FILE.{self.format}, or -o - to see it"
+                )
+            return None
+        path = Path(str(self.output))
+        if not path.parent.is_dir() or path.is_dir():
+            problem = "that is a folder" if path.is_dir() else f"there is no folder {path.parent}"
+            raise UsageError(f"-o {self.output}: {problem}")
+        return path
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "export",
+        export,
+        {"exporting": Group(Exporting, "Export"), "reading": READING, "display": DISPLAY},
+        references=(Reference("artefacts", "Paths, names in the store, or - for stdin.", several=True),),
+        help="Write artefacts as csv, parquet, npz or json for other programs.",
+    )
+
+
+def export(artefacts: list[str], exporting: Exporting, reading: Reading, display: Display) -> None:
+    """Writes one file, and prints its path; or writes to stdout."""
+    from qinit_cli.commands import export_formats, references
+
+    format, destination = exporting.format, exporting.destination
+    if format == "parquet":
+        export_formats.pyarrow()  # before anything is read
+    paths = list(dict.fromkeys(references.many(artefacts, reading.store)))
+    table, fields = _table(paths, format, exporting.what)
+    if destination is None:
+        _write_text(sys.stdout, paths, format, table, fields)
+        return
+    beside = destination.with_name(f"{destination.name}.json") if format == "csv" else None
+    for path in (destination, beside):
+        if path is not None and os.path.lexists(path) and not exporting.force:
+            raise NotAllowed(f"{path} is there already; --force replaces it, or choose another name with -o")
+    with _appearing(destination, exporting.force) as file:
+        match format:
+            case "parquet":
+                export_formats.write_parquet(file, _opened(paths), str(table), fields)
+            case "npz":
+                export_formats.write_npz(file, _opened(paths), table)
+            case _:
+                text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+                _write_text(text, paths, format, table, fields)
+                text.detach()
+    if beside is not None:
+        with _appearing(beside, exporting.force) as file:
+            said = export_formats.about(_opened(paths), table, fields)
+            file.write(json.dumps(said, allow_nan=False, indent=1).encode() + b"\n")
+        note(display, f"{beside} says which artefacts it comes from, and what its columns mean")
+    typer.echo(destination)
+
+
+def _write_text(
+    file: IO[str], paths: list[Path], format: Format, table: str | None, fields: list[Field]
+) -> None:
+    from qinit_cli.commands import export_formats
+
+    if format == "csv":
+        export_formats.write_csv(file, _opened(paths), str(table), fields)
+    else:
+        export_formats.write_json(file, _opened(paths), table)
+    file.flush()
+
+
+def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_formats.Opened, imported late
+    """What gives the artefacts one by one, each open until the next is asked for."""
+    from store.reading import open_artefact
+
+    def opened() -> Iterator[Artefact]:
+        for path in paths:
+            with open_artefact(path) as artefact:
+                yield artefact
+
+    return opened
+
+
+def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | None, list[Field]]:
+    """The table and its columns; NotAllowed where the artefacts do not share them, UsageError where no kind has it."""
+    from qinit_cli.stages import long_tables
+
+    _check_known(what)
+    if format not in LONG:
+        names = [path.stem for path in paths]
+        _check_named_apart(names)
+        for artefact in _opened(paths)():
+            if what is not None:
+                long_tables.fields(artefact, what)
+        return what, []
+    table, fields = "", list[long_tables.Field]()
+    for number, artefact in enumerate(_opened(paths)()):
+        here = what or long_tables.tables(artefact)[0]
+        columns = long_tables.fields(artefact, here)
+        if number and (here, columns) != (table, fields):
+            raise NotAllowed(
+                f"{paths[0].stem} and {artefact.path.stem} do not have the same columns, so they make no table together; "
+                "export them one by one"
+            )
+        table, fields = here, columns
+    _check_named_apart([path.stem for path in paths])
+    return table, fields
+
+
+def _check_known(what: str | None) -> None:
+    import difflib
+
+    from qinit_cli.stages.long_tables import TABLES
+
+    names = [name for tables in TABLES.values() for name in tables]
+    if what is not None and what not in names:
+        near = difflib.get_close_matches(what, names, n=1)
+        raise UsageError(
+            f"--what {what}: {f'did you mean {near[0]}?' if near else 'it is one of ' + ', '.join(names)}"
+        )
+
+
+def _check_named_apart(names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise NotAllowed(
+            f"two artefacts are named {twice[0]}, and nothing else would tell them apart; export one by one"
+        )
+
+
+@contextmanager
+def _appearing(path: Path, replace: bool) -> Iterator[IO[bytes]]:
+    """A file that gets its name once it is whole; without `replace` never in place of another."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(beside, "xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        if not replace and os.path.lexists(path):
+            raise NotAllowed(f"{path} appeared meanwhile; --force replaces it")
+        os.replace(beside, path)
+    finally:
+        with suppress(FileNotFoundError):
+            beside.unlink()
