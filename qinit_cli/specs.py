@@ -29,6 +29,7 @@ def sources(tasks: SourceTasks, count: int) -> Spec:
     return {
         "kind": "sources",
         "algorithm_version": ALGORITHM,
+        "role": tasks.role,
         "family": _family(tasks.family),
         "learner": tasks.learner,
         "learning": exact_learning(tasks.learning) if tasks.learner == "exact" else asdict(tasks.learning),
@@ -53,8 +54,8 @@ def fit(sources: Spec, inputs: list[str], options: FitOptions) -> Spec:
     }
 
 
-def run(method: Method, targets: TargetTasks, tasks: int, fit: str) -> Spec:
-    """The spec of a run: the method, the target distribution, how targets are learned, and the fit's content hash."""
+def run(method: Method, targets: TargetTasks, tasks: int, inputs: list[str]) -> Spec:
+    """The spec of a run: the method, the target distribution, how targets are learned, the inputs' content hashes."""
     return {
         "kind": "run",
         "algorithm_version": ALGORITHM,
@@ -63,7 +64,7 @@ def run(method: Method, targets: TargetTasks, tasks: int, fit: str) -> Spec:
         "learning": asdict(targets.learning),
         "seed": targets.seed,
         "tasks": tasks,
-        "inputs": [fit],
+        "inputs": inputs,
         "keep_q": targets.keep_q,
     }
 

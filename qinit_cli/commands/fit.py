@@ -46,6 +46,10 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
 
     path = references.one(sources, output.store)
     with open_artefact(path, "sources") as source:
+        if source.spec["role"] != "source":
+            raise NotAllowed(
+                f"{path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
+            )
         family = specs.family_of(source.spec)
         selection = _selection(source, family, fitting)
         count = int(selection.kept.sum())

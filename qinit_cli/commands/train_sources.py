@@ -106,10 +106,10 @@ def train_sources(
         )
     if family.warning:
         note(display, f"warning: {family.warning}")
-    plan = _plan(tasks, sources.tasks or family.source_tasks)
+    plan = plan_of(tasks, sources.tasks or family.source_tasks)
     if output.dry_run:
         tried = trial_episodes(tasks.learning.episodes)
-        trial = _plan(replace(tasks, learning=replace(tasks.learning, episodes=tried)), TRIAL_TASKS)
+        trial = plan_of(replace(tasks, learning=replace(tasks.learning, episodes=tried)), TRIAL_TASKS)
         say_expected(foresee(plan, trial, tasks.learning.episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
@@ -117,20 +117,22 @@ def train_sources(
     say_result(made, "qinit.train-sources/1", sentence, output, display)
 
 
-def _plan(tasks: SourceTasks, count: int) -> Plan:
+def plan_of(tasks: SourceTasks, count: int) -> Plan:
+    """The artefact that holds these tasks, learned to the end."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.sources import learn_sources
 
     exact = tasks.learner == "exact"
+    role = "" if tasks.role == "source" else "-targets"
     kernel = tasks.family.name.replace("-", "_")
     return Plan(
-        stem=f"{tasks.family.label}{'-exact' if exact else ''}-{count}-seed-{tasks.seed}",
+        stem=f"{tasks.family.label}{'-exact' if exact else ''}{role}-{count}-seed-{tasks.seed}",
         spec=specs.sources(tasks, count),
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
         kernel=(f"{kernel}_exact", "solve") if exact else (kernel, "advance"),
-        what="sources",
+        what="sources" if tasks.role == "source" else "optimal tables",
     )
 
 

@@ -20,7 +20,7 @@ from qinit_cli.methods import METHODS, Initial, Method
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Plan, Tally
+    from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.fitted import Fit
     from qinit_cli.stages.transfer import TargetTasks
 
@@ -140,11 +140,10 @@ def transfer(
     fit: str, method: Method, learning: LearningTargets, output: Output, work: Work, display: Display
 ) -> None:
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
-    import numpy as np
-
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
+    from qinit_cli.commands.optimal_tables import OptimalTables
     from qinit_cli.stages.transfer import TargetTasks
 
     known = Knowledge.read(references.one(fit, output.store))
@@ -152,36 +151,46 @@ def transfer(
     targets = TargetTasks(family, learning.learning(family, known.learning), learning.seed, learning.keep_q)
     _say_overrides(targets.learning, known.learning, display)
     count = learning.tasks or family.target_tasks
-    initial = method.initial(known.fit, targets.targets(np.arange(count)))
-    plan = _plan(method, targets, initial, count, known)
+    tables = OptimalTables(targets, count, known.learning, output, work, display)
+    initial = method.initial(known.fit, targets.targets(count, tables))
+    plan = _plan(method, targets, initial, count, known, tables.inputs)
     if output.dry_run:
         episodes = targets.learning.episodes
         tried = trial_episodes(episodes)
         fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = _plan(method, fewer, initial, min(count, TRIAL_TASKS), known)
+        trial = _plan(method, fewer, initial, min(count, TRIAL_TASKS), known, tables.inputs)
         say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    made.tally.extra.update(filled=initial.filled, clipped=initial.clipped)
+    unsolvable = _unsolvable(made, targets, count)
+    made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
     already = f"{method.label}, {count} targets: already complete"
-    sentence = already if made.complete_before else _summary(method, initial, made.tally)
+    sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
 
-def _plan(method: Method, targets: TargetTasks, initial: Initial, count: int, known: Knowledge) -> Plan:
+def _plan(
+    method: Method,
+    targets: TargetTasks,
+    initial: Initial,
+    count: int,
+    known: Knowledge,
+    tables: list[dict[str, str]],
+) -> Plan:
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.transfer import learn_targets, statics
 
+    inputs = [known.given, *tables]
     return Plan(
         stem=f"{targets.family.label}-{method.label.replace('+', '-plus-')}-{count}-seed-{targets.seed}",
-        spec=specs.run(method, targets, count, known.content_sha256),
+        spec=specs.run(method, targets, count, [given["content_sha256"] for given in inputs]),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         kernel=(targets.family.name.replace("-", "_"), "advance"),
         what=method.label,
         read=known.path,
-        inputs=[known.given],
+        inputs=inputs,
         statics=statics(initial, targets.family),
     )
 
@@ -229,9 +238,23 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     )
 
 
-def _summary(method: Method, initial: Initial, tally: Tally) -> str:
+def _unsolvable(made: Made, targets: TargetTasks, count: int) -> int:
+    """Targets that neither the family's own rule nor any episode solved: they stay, and are counted."""
+    import numpy as np
+
+    from store.reading import open_artefact
+
+    with open_artefact(made.path, "run") as artefact:
+        reached = artefact.read("reached").any(axis=1)
+    solvable = targets.family.solvable(targets.draw(np.arange(count)), reached, targets.learning.horizon)
+    return int((~solvable).sum())
+
+
+def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
     learned = tally.tasks - tally.skipped
     sentence = f"{method.label}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    if unsolvable:
+        sentence += f"; {unsolvable} targets cannot be solved, and stay"
     if initial.filled:
         sentence += f"; {initial.filled} state-actions that no source knows were filled"
     if initial.clipped:

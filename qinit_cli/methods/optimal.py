@@ -23,5 +23,4 @@ class Optimal(Method):
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """Q* of each target, (T, S, A)."""
-        q, _ = targets.family.solve(targets.tasks, targets.learning.gamma)
-        return q
+        return targets.optimal()

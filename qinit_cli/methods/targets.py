@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Tasks
+    from qinit_cli.arrays import Floats, Tasks
     from qinit_cli.environments.family import Family
     from qinit_cli.learning import Learning
 
@@ -18,3 +19,6 @@ class Targets:
     family: Family
     learning: Learning
     tasks: Tasks  # (T,)
+    optimal: Callable[
+        [], Floats
+    ]  # Q* of each, (T, S, A): exact, or learned as a source is where there are no exact tables

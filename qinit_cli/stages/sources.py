@@ -16,19 +16,43 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.batch import Watch
 
 Learner = Literal["q-learning", "exact"]
+Role = Literal["source", "target"]
 Rows = dict[str, Any]  # column name: array with a leading task axis
 
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 
 
 @dataclass(frozen=True)
+class Streams:
+    """Where the chance of a task comes from."""
+
+    task: Stream
+    dice: Stream
+    start: Stream
+    world: Stream
+
+
+STREAMS: dict[Role, Streams] = {
+    "source": Streams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
+    # target tasks learned as sources are: what `optimal` starts from where there are no exact tables
+    "target": Streams(Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD),
+}
+
+
+@dataclass(frozen=True)
 class SourceTasks:
-    """Which source tasks, and how they are learned."""
+    """Which tasks are learned to the end, and how."""
 
     family: Family
     learner: Learner
     learning: Learning
     seed: int
+    role: Role = "source"
+
+    @property
+    def streams(self) -> Streams:
+        """Where their chance comes from."""
+        return STREAMS[self.role]
 
     @property
     def bins(self) -> int:
@@ -38,7 +62,7 @@ class SourceTasks:
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
-    tasks = draw_tasks(sources.family, sources.seed, Stream.SOURCE_TASK, indices)
+    tasks = draw_tasks(sources.family, sources.seed, sources.streams.task, indices)
     rows = _exact(sources, tasks) if sources.learner == "exact" else _learned(sources, tasks, indices, watch)
     finished = rows.pop("finished")
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
@@ -81,12 +105,12 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
     from qinit_cli.kernels.batch import Records, Start, learn
 
     family = sources.family
-    worlds = family.worlds(tasks, sequences(sources.seed, Stream.SOURCE_WORLD, indices))
+    worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
     learned = learn(
         worlds,
         sources.learning,
         Start(np.zeros((worlds.states, worlds.actions))),
-        chance(sources.seed, Stream.SOURCE_DICE, Stream.SOURCE_START, indices),
+        chance(sources.seed, sources.streams.dice, sources.streams.start, indices),
         Records(sources.bins, visits=True, td_var=True),
         watch,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import Rows, chance, sequences, shaped
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Watch
 
 
@@ -25,11 +26,15 @@ class TargetTasks:
     seed: int
     keep_q: bool
 
-    def targets(self, indices: Integers) -> Targets:
-        """The tasks as a privileged method sees them."""
-        return Targets(
-            self.family, self.learning, draw_tasks(self.family, self.seed, Stream.TARGET_TASK, indices)
-        )
+    def targets(self, count: int, optimal: Callable[[], Floats]) -> Targets:
+        """The first `count` tasks as a privileged method sees them; `optimal` makes their Q* if asked."""
+        import numpy as np
+
+        return Targets(self.family, self.learning, self.draw(np.arange(count)), optimal)
+
+    def draw(self, indices: Integers) -> Tasks:
+        """The tasks at these indices, (B,)."""
+        return draw_tasks(self.family, self.seed, Stream.TARGET_TASK, indices)
 
 
 def learn_targets(
@@ -41,7 +46,7 @@ def learn_targets(
     from qinit_cli.kernels.batch import Records, Start, learn
 
     family, learning = targets.family, targets.learning
-    tasks = targets.targets(indices).tasks
+    tasks = targets.draw(indices)
     own = initial.of(indices)
     learned = learn(
         family.worlds(tasks, sequences(targets.seed, Stream.TARGET_WORLD, indices)),

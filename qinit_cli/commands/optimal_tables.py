@@ -1,0 +1,60 @@
+"""Q* of target tasks: exact where the family has exact tables, else learned as sources are, once, and kept in the store."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.commands.groups import Display, Output, Work
+from qinit_cli.commands.messages import note
+from qinit_cli.learning import Learning
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+    from qinit_cli.stages.transfer import TargetTasks
+
+
+@dataclass
+class OptimalTables:
+    """The tables, made when they are first asked for; `inputs` then names the artefact they came from."""
+
+    targets: TargetTasks
+    count: int
+    sources: dict[str, Any]  # how sources were learned: tables that must be learned are learned so
+    output: Output
+    work: Work
+    display: Display
+    inputs: list[dict[str, str]] = field(default_factory=list)
+
+    def __call__(self) -> Floats:
+        """Q* of each target, (T, S, A)."""
+        import numpy as np
+
+        if not self.targets.family.tabular:
+            return self._learned()
+        q, _ = self.targets.family.solve(
+            self.targets.draw(np.arange(self.count)), self.targets.learning.gamma
+        )
+        return q
+
+    def _learned(self) -> Floats:
+        from qinit_cli.commands.making import make
+        from qinit_cli.commands.train_sources import plan_of
+        from qinit_cli.stages.sources import SourceTasks
+        from store.reading import open_artefact
+
+        settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
+        tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
+        note(
+            self.display,
+            f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
+        )
+        made = make(plan_of(tasks, self.count), self._in_store(), self.work, self.display)
+        self.inputs.append({"role": "optimal", "name": made.path.stem, "content_sha256": made.digest})
+        with open_artefact(made.path, "sources") as artefact:
+            q: Floats = artefact.read("q")
+        return q.reshape(self.count, -1, len(self.targets.family.actions))
+
+    def _in_store(self) -> Output:
+        """The tables go to the store under their own name, whatever was asked of the run."""
+        return replace(self.output, output=None, force=False, wait=True)
