@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.commands.making import Made, Plan, Tally
+    from qinit_cli.arrays import Flags
     from qinit_cli.fitted import Fit
     from qinit_cli.stages.transfer import TargetTasks
 
@@ -245,7 +246,7 @@ def _unsolvable(made: Made, targets: TargetTasks, count: int) -> int:
     from store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
-        reached = artefact.read("reached").any(axis=1)
+        reached: Flags = np.asarray(artefact.read("reached").any(axis=1), np.bool_)
     solvable = targets.family.solvable(targets.draw(np.arange(count)), reached, targets.learning.horizon)
     return int((~solvable).sum())
 
