@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.kernels.compiled import lean
+from qinit_cli.kernels.compiled import inner
 from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE
 
 PICKS = 12
@@ -37,7 +37,7 @@ DIRECTIONS = (
 )  # the way the agent goes
 
 
-@lean
+@inner
 def decide(draws, exploration, all_actions, slips, choices):
     """Writes into `choices` u2 what the draws u8 decide.
 

@@ -16,6 +16,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+LEAN = {"_nrt": False}
+UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 @cache
 def cache_folder() -> Path | None:
@@ -55,14 +58,19 @@ def compiled(function: Callable[..., Any]) -> Any:
     return _compile(function, {})
 
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """The function, compiled into its compiled callers."""
-    return _compile(function, {"forceinline": True, "_nrt": False})
-
-
 def lean(function: Callable[..., Any]) -> Any:
     """As `compiled`, for functions that make no array: nobody counts references to those they are given."""
-    return _compile(function, {"_nrt": False})
+    return _compile(function, LEAN)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """As `lean`, for functions that only compiled functions call: half the time to compile."""
+    return _compile(function, LEAN | UNWRAPPED)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """As `inner`, and made part of each caller."""
+    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True})
 
 
 def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.vectors import LANES, load_words, next_words, store_words
 
 Words = NDArray[np.uint64]
@@ -46,7 +46,7 @@ def exploration_limit(epsilon: float) -> np.uint64:
     return np.uint64(round(epsilon * 2**20))
 
 
-@lean
+@inner
 def draw_block(words, block):
     """Writes the next draws of an eight-lane stream into `block`, u8 of a multiple of 8, and moves `words`
     (4, 8) on."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.kernels.choices import ACTIONS, DIRECTIONS, decide
-from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.compiled import inlined, inner, lean
 from qinit_cli.kernels.dice import below, draw_block, slip_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
@@ -137,7 +137,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
             return
 
 
-@lean
+@inner
 def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var):
     """A block of steps in four lanes: while one waits for its last step, the others go on."""
     alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
@@ -183,7 +183,7 @@ def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var
     lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d] = time_a, time_b, time_c, time_d
 
 
-@lean
+@inner
 def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var):
     """A block of steps in one lane."""
     alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
@@ -224,7 +224,7 @@ def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
     return world.starts[lane, episode % BLOCK]
 
 
-@lean
+@inner
 def _place(world, tasks, lanes, lane):
     """Gets a task's goal and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
@@ -234,7 +234,7 @@ def _place(world, tasks, lanes, lane):
     _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
 
 
-@lean
+@inner
 def _draw_starts(world, tasks, lanes, lane, first, end):
     """Replaces the starts that episodes `first` to `end` - 1 left for: each episode of the next block has its
     own."""

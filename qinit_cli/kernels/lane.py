@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.vectors import add_to_entry
 
 BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
@@ -80,14 +80,14 @@ def table(lanes, lane):
     return Table(lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane])
 
 
-@lean
+@inner
 def is_idle(tasks, lanes, lane):
     """True if nobody learns in the lane, or nobody any more, and a task of the batch still waits."""
     task = lanes.task[lane]
     return lanes.following[0] < len(tasks.q) and (task < 0 or tasks.finished[task])
 
 
-@lean
+@inner
 def take(tasks, lanes, lane, gamma, potential, visits, td_var):
     """Puts the next task into the lane: its table, potential, visits and td_var; an episode is about to
     start."""
@@ -122,7 +122,7 @@ def take(tasks, lanes, lane, gamma, potential, visits, td_var):
     lanes.ended[lane] = 0
 
 
-@lean
+@inner
 def make_terminal(rows, state):
     """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever the potential's
     array says."""
@@ -130,7 +130,7 @@ def make_terminal(rows, state):
     rows[ROW * state + WORTH_OF_POTENTIAL] = 0.0
 
 
-@lean
+@inner
 def leave(tasks, lanes, lane, visits, td_var):
     """Writes what the lane's task has learned back to the batch; what the lane does with it afterwards is
     lost."""
@@ -146,7 +146,7 @@ def leave(tasks, lanes, lane, visits, td_var):
                 td_var[task, state, action] = spreads[row + TD_VAR + action]
 
 
-@lean
+@inner
 def end_block(tasks, lanes, lane, episodes):
     """Adds the episodes that ended to their bins of the learning curve: bin e * bins // episodes for the
     e-th.
@@ -183,7 +183,7 @@ def update(own, state, action, after, alpha, gamma, potential, visits, td_var):
         own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
 
 
-@lean
+@inner
 def lanes_in_use(tasks, lanes):
     """How many lanes hold an unfinished task; those come first in `lanes.order`."""
     count, rest = 0, len(lanes.task)

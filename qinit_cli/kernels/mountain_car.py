@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.kernels.choices import ACTIONS, SLIPS, decide
-from qinit_cli.kernels.compiled import inlined, lean
+from qinit_cli.kernels.compiled import inlined, inner, lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.dice import Words, draw_block, slip_limit, unit
 from qinit_cli.kernels.lane import (
@@ -196,7 +196,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
             _draw_starts(world, tasks, lanes, lane, first, lanes.ended[lane])
 
 
-@lean
+@inner
 def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, gusts):
     """A block of steps in eight lanes; what happens in those without a task is nobody's."""
     alpha, gamma, hill, bins = setting.alpha, setting.gamma, world.hill, np.float64(world.bins)
@@ -283,7 +283,7 @@ def _put(lane, position, velocity, world):
     world.cell[lane] = np.uint32(bin_of(position, velocity, np.float64(world.bins)))
 
 
-@lean
+@inner
 def _place(world, tasks, lanes, lane):
     """Gets a task's push and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
@@ -294,7 +294,7 @@ def _place(world, tasks, lanes, lane):
     _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
 
 
-@lean
+@inner
 def _draw_starts(world, tasks, lanes, lane, first, end):
     """Replaces the starts that episodes `first` to `end` - 1 left for, so that all of the next block have
     theirs."""
@@ -315,7 +315,7 @@ def _start(start, dice):
     return -0.5, 0.0
 
 
-@lean
+@inner
 def _draw_gusts(task, lane, world, noise_dice):
     """Pushes for every step of a block, in place of the task's; Marsaglia's polar method, two at a time."""
     if noise_dice is not None:
