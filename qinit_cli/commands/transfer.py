@@ -20,8 +20,8 @@ from qinit_cli.methods import METHODS, Initial, Method
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.arrays import Flags
+    from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.fitted import Fit
     from qinit_cli.stages.transfer import TargetTasks
 

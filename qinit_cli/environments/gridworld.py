@@ -103,7 +103,7 @@ class Gridworld:
         return (0.0, 0.0), (middle, middle), (far, far)
 
     def goal_chances(self) -> Floats:
-        """How likely each cell is to be a task's goal, (S,): the normal rounded to cells, redrawn off the grid and at the start."""
+        """How likely each cell is to be a task's goal, (S,): rounded to cells, redrawn off the grid and at the start."""
         import numpy as np
 
         line = np.array(
@@ -114,7 +114,8 @@ class Gridworld:
         )
         chances: Floats = np.outer(line, line).ravel()
         chances[START] = 0.0
-        return chances / chances.sum()
+        chances /= chances.sum()
+        return chances
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: its goal and the chance that a move goes where it was meant to."""
