@@ -168,16 +168,20 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
             if what is not None:
                 long_tables.fields(artefact, what)
         return what, []
-    table, fields = "", list[long_tables.Field]()
+    table, fields, kind = "", list[long_tables.Field](), ""
     for number, artefact in enumerate(_opened(paths)()):
         here = what or long_tables.tables(artefact)[0]
         columns = long_tables.fields(artefact, here)
+        if number and artefact.kind != kind:
+            raise NotAllowed(
+                f"{paths[0].stem} and {artefact.path.stem} are of two kinds: export them one by one"
+            )
         if number and (here, columns) != (table, fields):
             raise NotAllowed(
                 f"{paths[0].stem} and {artefact.path.stem} do not have the same columns, so they make no table together; "
                 "export them one by one"
             )
-        table, fields = here, columns
+        table, fields, kind = here, columns, artefact.kind
     _check_named_apart([path.stem for path in paths])
     return table, fields
 

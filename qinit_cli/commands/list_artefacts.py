@@ -2,16 +2,45 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from qinit_cli.commands.build import add_command
+from qinit_cli.commands.build import Group, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import note
+from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
     from store.reading import Description
+
+UNFINISHED = "unfinished"
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Which artefacts are listed."""
+
+    kind: Literal["sources", "fit", "run"] | None = option(
+        None, "Artefacts of this kind alone.", default_text="all"
+    )
+    name: str = option(
+        "",
+        "Names that contain this text, or match it where it has *, ? or [.",
+        metavar="PATTERN",
+        default_text="all",
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def wanted(self, entry: Description) -> bool:
+        """Whether the artefact is listed."""
+        from fnmatch import fnmatchcase
+
+        glob = self.name if set(self.name) & set("*?[") else f"*{self.name}*"
+        return self.kind in (None, entry.kind) and fnmatchcase(entry.path.stem, glob)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -20,44 +49,71 @@ def add_to(app: typer.Typer) -> None:
         app,
         "list",
         list_artefacts,
-        {"tabular": TABULAR, "reading": READING, "display": DISPLAY},
+        {"listing": Group(Listing, "Which"), "tabular": TABULAR, "reading": READING, "display": DISPLAY},
         help="List the artefacts in the store, and unfinished work with the command that goes on with it.",
     )
 
 
-def list_artefacts(tabular: Tabular, reading: Reading, display: Display) -> None:
-    """Prints one row per artefact."""
+def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display: Display) -> None:
+    """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
     from qinit_cli.commands.tables import TableColumn, print_table
     from store.catalog import Store
 
-    entries = list(Store(Path(reading.store)).entries())
+    entries = [entry for entry in Store(Path(reading.store)).entries() if listing.wanted(entry)]
+    for_people = tabular.chosen == "table"
     columns = [
         TableColumn("kind"),
         TableColumn("name"),
         TableColumn("family", dispensable=True),
         TableColumn("tasks"),
-        TableColumn("made"),
+        TableColumn("made", dispensable=True),
         TableColumn("megabytes", "MB", 2, dispensable=True),
         TableColumn("state"),
     ]
-    print_table("qinit.list/1", columns, [_row(entry) for entry in entries], tabular, display)
+    if not for_people:
+        columns += [
+            TableColumn(key) for key in ("tasks_wanted", "problem", "path", "content_sha256", "command")
+        ]
+    rows = [_for_people(_row(entry)) if for_people else _row(entry) for entry in entries]
+    print_table("qinit.list/1", columns, rows, tabular, display)
     if not entries:
-        note(display, f"{reading.store} holds no artefacts; qinit train-sources makes the first")
+        filtered = listing != Listing()
+        note(
+            display,
+            f"{reading.store} holds no such artefacts; qinit list shows all"
+            if filtered
+            else f"{reading.store} holds no artefacts; qinit train-sources makes the first",
+        )
     for entry in entries:
-        if entry.state == "unfinished" and (command := entry.provenance.get("command")):
+        if entry.problem and for_people:
+            note(display, entry.problem)
+        if entry.state == UNFINISHED and (command := entry.provenance.get("command")):
             note(display, f"to go on with {entry.path.stem}: {command}")
 
 
 def _row(entry: Description) -> dict[str, Any]:
     settings = entry.spec.get("sources", entry.spec)  # a fit keeps its sources' settings
+    wanted = settings.get("tasks")
     return {
         "kind": entry.kind,
         "name": entry.path.stem,
         "family": settings.get("family", {}).get("name", ""),
-        "tasks": entry.tasks or settings.get("tasks"),
+        "tasks": wanted if entry.kind == "fit" else entry.tasks,
         "made": entry.provenance.get("time", "")[:16].replace("T", " "),
-        "megabytes": entry.size / 1e6,
-        "state": entry.state if not entry.problem else f"{entry.state}: {entry.problem}",
+        "megabytes": entry.size / 1e6 if entry.size else None,
+        "state": entry.state,
+        "tasks_wanted": wanted,
+        "problem": entry.problem,
+        "path": str(entry.path),
+        "content_sha256": entry.content_sha256,
+        "command": entry.provenance.get("command", ""),
     }
+
+
+def _for_people(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with what is missing of an artefact beside its state."""
+    if row["tasks_wanted"] in (None, row["tasks"]):
+        return row
+    return row | {"state": f"{row['state']}, {row['tasks']} of {row['tasks_wanted']}"}

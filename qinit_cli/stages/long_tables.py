@@ -114,8 +114,8 @@ def layout(schema: Schema, table: str) -> tuple[tuple[str, ...], list[Column]]:
         names = ", ".join(name for name, dataset in TABLES[schema.kind].items() if dataset in there)
         raise NotAllowed(f"there is no table {table} in these {_plural(schema.kind)}; there is {names}")
     dims = found[0].dims
-    drawn = [column for dim in dims for column in drawn(schema, dim)]
-    return dims, [column for column in schema.columns if column.dims == dims and column not in drawn]
+    joined = [column for dim in dims for column in drawn(schema, dim)]
+    return dims, [column for column in schema.columns if column.dims == dims and column not in joined]
 
 
 def _plural(kind: str) -> str:
