@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from qinit_cli.figures.style import WIDTH, line_styles
+from qinit_cli.figures.style import COLUMN, line_styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,12 +24,12 @@ class Curve:
     band: Interval  # (P,)
 
 
-def curves(lines: Sequence[Curve], ylabel: str, title: str, band: str) -> Figure:
+def curves(lines: Sequence[Curve], ylabel: str, title: str, band: str, width: float = COLUMN) -> Figure:
     """The curves over episodes, with a legend; `band` says what the shading is. Call it within `house_style`."""
     from matplotlib.figure import Figure
 
-    rows = -(-len(lines) // 2)  # of a legend of two columns beneath the axes
-    figure = Figure(figsize=(WIDTH, 2.4 + 0.15 * rows))
+    columns = 2 if width <= COLUMN else 4  # of the legend, beneath the axes
+    figure = Figure(figsize=(width, 2.4 + 0.15 * -(-len(lines) // columns)))
     axes = figure.add_subplot()
     for line, look in zip(lines, line_styles(len(lines)), strict=True):
         axes.plot(line.episodes, line.band.estimate, label=line.label, **look)
@@ -41,5 +41,5 @@ def curves(lines: Sequence[Curve], ylabel: str, title: str, band: str) -> Figure
     axes.set_title(title)
     axes.set_xlim(1, max(line.episodes[-1] for line in lines))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    figure.legend(loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=columns)
     return figure

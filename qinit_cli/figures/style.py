@@ -1,4 +1,4 @@
-"""How every picture looks: one column of a paper wide, colour-blind safe, told apart in grey, the same bytes each time."""
+"""How every picture looks: as wide as a paper's column or text, safe for the colour-blind and in grey, the same bytes always."""
 
 from __future__ import annotations
 
@@ -13,13 +13,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg", "pdf")
-WIDTH = 3.5  # inches, one column
+COLUMN, TEXT = 3.5, 7.0  # inches
 # Okabe and Ito (2008), but for yellow, which is too light for a line
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
+HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\")
+# both perceptually uniform and of rising lightness: they read the same in grey and to the colour-blind
+VALUE_COLOURS = "viridis"
+CHANCE_COLOURS = "Greys"
+UNKNOWN_COLOUR = "#d9d9d9"
 
 SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
     "font.size": 8,
+    "figure.titlesize": 8,
+    "figure.labelsize": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
     "legend.fontsize": 7,
@@ -27,7 +35,9 @@ SETTINGS: dict[str, Any] = {
     "ytick.labelsize": 7,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.unicode_minus": True,
     "lines.linewidth": 1.2,
+    "hatch.linewidth": 0.6,
     "legend.frameon": False,
     "savefig.dpi": 300,
     "figure.constrained_layout.use": True,
@@ -45,13 +55,31 @@ def line_styles(count: int) -> list[dict[str, Any]]:
     ]
 
 
+def bar_styles(count: int) -> list[dict[str, Any]]:
+    """Colour and hatching for each of `count` sets of bars, no two alike up to 35."""
+    colours, hatches = len(COLOURS), len(HATCHES)
+    return [
+        {"facecolor": COLOURS[i % colours], "hatch": HATCHES[(i + i // colours) % hatches]}
+        for i in range(count)
+    ]
+
+
+def plain_numbers(axis: Any) -> None:
+    """Writes the axis' ticks as 0.01 or 100, never as powers, whose exponents are too small to print."""
+    from matplotlib.ticker import FuncFormatter
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10g}".replace("-", "\N{MINUS SIGN}")))
+
+
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draws within the block as every picture is drawn."""
+    """Draws within the block as every picture is drawn, whatever the user's own settings of matplotlib."""
     import matplotlib
 
     matplotlib.use("agg")
-    with matplotlib.rc_context(SETTINGS):  # type: ignore[arg-type]  # typed as a dict of literals
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(SETTINGS)  # type: ignore[arg-type]  # typed as a dict of literals
         yield
 
 

@@ -1,4 +1,4 @@
-"""`qinit plot`: pictures from stored artefacts."""
+"""`qinit plot curves`: learning curves of methods on the same targets."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.compare import read_runs
 from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.plot.picture import METRIC_LABELS, Picture, Usual, marked, publish
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 
@@ -17,22 +17,9 @@ if TYPE_CHECKING:
     from qinit_cli.figures.curves import Curve
     from qinit_cli.runs import Run
 
+USUAL = Usual("curves", "column", "the targets' distribution")
 POINTS = 200  # along a curve: more than a column's width shows
 BAND_RESAMPLES = 2_000  # enough for the edge of a shaded band
-
-METRIC_LABELS = {
-    "return": "discounted return",
-    "success": "share of episodes at the goal",
-    "steps": "steps, at most the horizon",
-}
-
-
-@dataclass(frozen=True)
-class Picture:
-    """Where the picture goes."""
-
-    output: str = option("curves.png", "The picture: .png, .svg or .pdf.", short="-o", metavar="FILE")
-    title: str = option("", "Title above the axes.", default_text="the targets' distribution")
 
 
 @dataclass(frozen=True)
@@ -48,16 +35,14 @@ class Curving:
         check(self)
 
 
-def add_to(app: typer.Typer) -> None:
-    """Adds the commands."""
-    plots = typer.Typer(no_args_is_help=True)
-    app.add_typer(plots, name="plot", help="Draw pictures from stored artefacts: PNG, SVG or PDF.")
+def add_to(plots: typer.Typer) -> None:
+    """Adds the picture."""
     add_command(
         plots,
         "curves",
         curves,
         {
-            "picture": Group(Picture, "Picture"),
+            "picture": USUAL.group,
             "curving": Group(Curving, "Curves"),
             "reading": READING,
             "display": DISPLAY,
@@ -68,24 +53,31 @@ def add_to(app: typer.Typer) -> None:
 
 
 def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading, display: Display) -> None:
-    """Draws one picture and prints its path."""
+    """Draws the picture and prints its path."""
+    from qinit_cli.commands.compare import read_runs
     from qinit_cli.figures import curves as drawing
-    from qinit_cli.figures.style import checked_path, house_style, save
+    from qinit_cli.figures.style import house_style
     from qinit_cli.specs import family_of
     from qinit_cli.stages.compare import labels
 
-    path = checked_path(picture.output)
+    path = USUAL.path(picture)
     found = read_runs(runs, reading.store)
     if len({run.target_digest for run in found}) > 1:
         raise NotAllowed("these runs did not meet the same targets; draw those that did, one picture each")
-    lines = [_curve(run, label, curving) for run, label in zip(found, labels(found), strict=True)]
-    title = picture.title or family_of(found[0].spec).label
+    lines = [
+        _curve(run, marked(label, run.method), curving)
+        for run, label in zip(found, labels(found), strict=True)
+    ]
+    title = family_of(found[0].spec).label if picture.title is None else picture.title
     with house_style():
         figure = drawing.curves(
-            lines, METRIC_LABELS[curving.metric], title, f"95 %, {len(found[0].steps)} targets"
+            lines,
+            METRIC_LABELS[curving.metric],
+            title,
+            f"95 %, {len(found[0].steps)} targets",
+            USUAL.inches(picture),
         )
-        save(figure, path)
-    typer.echo(path)
+        publish(figure, path)
 
 
 def _curve(run: Run, label: str, curving: Curving) -> Curve:

@@ -1,0 +1,258 @@
+"""Tables over the states as colours, a panel each; Figure 4 of the paper."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from qinit_cli.figures.style import COLUMN, TEXT, UNKNOWN_COLOUR, VALUE_COLOURS, plain_numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+    from numpy.typing import NDArray
+
+    from qinit_cli.arrays import Floats
+
+DECADES = 3  # that a logarithmic scale reaches below its largest value
+TALLEST = 8.8  # inches, of a page
+GAP, TITLE, TICKS, BAR, THICK = 0.08, 0.2, 0.45, 0.7, 0.11  # inches
+PAD = 0.03  # inches, around everything
+LETTER = 0.062  # inches, the width of a mean letter at 8 points
+ANY_SHAPE = (0.25, 4.0)  # of height to width; beyond, panels are stretched to be legible
+
+
+@dataclass(frozen=True)
+class Side:
+    """A state axis as it is drawn."""
+
+    label: str
+    places: Floats  # (L,), evenly spaced
+    downwards: bool = False  # where it stands upright: as the rows of a matrix are read
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The outer edges of the first and the last place."""
+        half = (
+            (self.places[-1] - self.places[0]) / (len(self.places) - 1) / 2 if len(self.places) > 1 else 0.5
+        )
+        return float(self.places[0] - half), float(self.places[-1] + half)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Panels that share a colour scale: tables (upright, across) by row and column of the picture, NaN where unknown."""
+
+    label: str  # of the scale, with its unit
+    panels: Mapping[tuple[str, str], Floats]
+    logarithmic: bool = False
+    colours: str = VALUE_COLOURS
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where panels stand: in their row and column; those of a single row or column one after the other."""
+
+    rows: list[str]
+    columns: list[str]
+    widest: int  # panels side by side where they stand one after the other
+
+    @property
+    def wrapped(self) -> bool:
+        return 1 in (len(self.rows), len(self.columns))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        if not self.wrapped:
+            return len(self.rows), len(self.columns)
+        panels = len(self.rows) * len(self.columns)
+        across = min(panels, self.widest)
+        return -(-panels // across), across
+
+    def place(self, row: str, column: str) -> tuple[int, int]:
+        at = self.rows.index(row), self.columns.index(column)
+        return divmod(max(at), self.shape[1]) if self.wrapped else at
+
+
+def heatmaps(layers: Sequence[Layer], upright: Side, across: Side, title: str, width: float = TEXT) -> Figure:
+    """Every panel in its row and column, with a colour bar for each layer. Call it within `house_style`."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    named = [name for layer in layers for name in layer.panels]
+    rows, columns = (list(dict.fromkeys(names)) for names in zip(*named, strict=True))
+    grid = Grid(rows, columns, widest=2 if width <= COLUMN else 4)
+    shape = min(max(len(upright.places) / len(across.places), ANY_SHAPE[0]), ANY_SHAPE[1])
+    panel, height = _sizes(grid, shape, len(layers), width)
+    layout = ConstrainedLayoutEngine(compress=True, h_pad=PAD, w_pad=PAD, hspace=0.0, wspace=0.0)
+    figure = Figure(figsize=(width, height), layout=layout)
+    panels = figure.subplots(*grid.shape, squeeze=False)
+    for axes in panels.flat:
+        axes.set_box_aspect(shape)
+        axes.set_frame_on(False)
+        axes.set(xticks=[], yticks=[])
+    for layer in layers:
+        colours = _colours(layer)
+        for name, values in layer.panels.items():
+            image = _draw(panels[grid.place(*name)], values, (upright, across), layer, colours)
+        if grid.wrapped:
+            _bar_beneath(figure, image, layer, list(panels.flat), width)
+        else:
+            own = [at for at, row in enumerate(rows) if any(row == there for there, _ in layer.panels)]
+            _bar_beside(figure, image, layer, list(panels[own].flat), len(own) * panel * shape)
+    _label_outer(panels, (upright, across), grid)
+    _name(panels, grid, panel * shape)
+    if not grid.wrapped:
+        figure.supxlabel(across.label)
+    if title:
+        figure.suptitle(title)
+    return figure
+
+
+def _sizes(grid: Grid, shape: float, layers: int, width: float) -> tuple[float, float]:
+    """The width of a panel and the height of the figure, in inches."""
+    down, across = grid.shape
+    room = width - TICKS - (0.0 if grid.wrapped else BAR)
+    panel = room / across - GAP
+    above = down * TITLE if grid.wrapped else 2 * TITLE
+    beneath = TICKS + (layers * BAR if grid.wrapped else 0.0)
+    height = down * (panel * shape + GAP) + above + beneath
+    return panel, min(height, TALLEST)
+
+
+def _colours(layer: Layer) -> Normalize:
+    """The scale from the least to the largest known value of the layer, widened where they are one."""
+    import numpy as np
+    from matplotlib.colors import LogNorm, Normalize
+
+    known = np.concatenate([values[np.isfinite(values)] for values in layer.panels.values()])
+    positive = known[known > 0]
+    if layer.logarithmic and positive.size:
+        largest = float(positive.max())
+        least = max(float(positive.min()), largest / 10**DECADES)
+        return LogNorm(least if least < largest else largest / 10, largest)
+    least, largest = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    return Normalize(least, largest) if least < largest else Normalize(least - 0.5, largest + 0.5)
+
+
+def _draw(
+    axes: Axes, values: Floats, sides: tuple[Side, Side], layer: Layer, colours: Normalize
+) -> AxesImage:
+    import matplotlib
+    import numpy as np
+    from matplotlib.colors import LogNorm
+
+    upright, across = sides
+    if isinstance(colours, LogNorm):  # which would take 0 for unknown: it is less than the least
+        values = np.where(values <= 0, float(colours.vmin or 0.0) / 2, values)
+    bottom, top = reversed(upright.ends) if upright.downwards else upright.ends
+    axes.set_frame_on(True)
+    image = axes.imshow(
+        np.ma.masked_invalid(values),
+        cmap=matplotlib.colormaps[layer.colours].with_extremes(bad=UNKNOWN_COLOUR),
+        norm=colours,
+        origin="upper" if upright.downwards else "lower",
+        extent=(*across.ends, bottom, top),
+        aspect="auto",
+        interpolation="none",
+    )
+    axes.spines[:].set_visible(True)
+    axes.spines[:].set_linewidth(0.5)
+    for axis, side in ((axes.xaxis, across), (axes.yaxis, upright)):
+        if len(side.places) > 1:
+            _ticks(axis)
+    return image
+
+
+def _ticks(axis: Axis) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(3, steps=[1, 2, 2.5, 5, 10]))
+    plain_numbers(axis)
+
+
+def _bar_beside(figure: Figure, image: AxesImage, layer: Layer, beside: list[Axes], height: float) -> None:
+    bar = figure.colorbar(
+        image, ax=beside, location="right", pad=0.02, aspect=height / THICK, extend=_end(image)
+    )
+    _finish_bar(bar, image, _label(image, layer, height))
+
+
+def _bar_beneath(figure: Figure, image: AxesImage, layer: Layer, above: list[Axes], width: float) -> None:
+    bar = figure.colorbar(
+        image,
+        ax=above,
+        location="bottom",
+        pad=0.02,
+        shrink=0.8,
+        aspect=0.7 * width / THICK,
+        extend=_end(image),
+    )
+    _finish_bar(bar, image, _label(image, layer, width))
+
+
+def _end(image: AxesImage) -> Literal["min", "neither"]:
+    """A pointed end of the colour bar where values lie below its least."""
+    values, least = image.get_array(), image.norm.vmin
+    return "min" if values is not None and least is not None and (values < least).any() else "neither"
+
+
+def _label(image: AxesImage, layer: Layer, room: float) -> str:
+    import numpy as np
+
+    unknown = any(np.isnan(values).any() for values in layer.panels.values())
+    label = layer.label + ("; grey: no source knows" if unknown else "")
+    return textwrap.fill(label, max(12, int(room / LETTER)))
+
+
+def _finish_bar(bar: Colorbar, image: AxesImage, label: str) -> None:
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    norm = image.norm
+    if isinstance(norm, LogNorm):
+        assert norm.vmin is not None
+        assert norm.vmax is not None
+        narrow = norm.vmax / norm.vmin < 50
+        bar.locator = LogLocator(subs=(1, 2, 5) if narrow else (1,))
+        bar.minorticks_off()
+    else:
+        bar.locator = MaxNLocator(5)
+    bar.update_ticks()
+    plain_numbers(bar.long_axis)
+    bar.outline.set_linewidth(0.5)
+    bar.set_label(label)
+
+
+def _label_outer(panels: NDArray[Any], sides: tuple[Side, Side], grid: Grid) -> None:
+    """Numbers and labels at the left and at the bottom of what is drawn, and not between."""
+    upright, across = sides
+    drawn = [[bool(axes.images) for axes in row] for row in panels]
+    for down, row in enumerate(panels):
+        for at, axes in enumerate(row):
+            leftmost, lowest = at == 0, not any(below[at] for below in drawn[down + 1 :])
+            axes.tick_params(length=2, pad=2, labelleft=leftmost, labelbottom=lowest)
+            if leftmost:
+                axes.set_ylabel(upright.label)
+            if lowest and drawn[down][at] and grid.wrapped:
+                axes.set_xlabel(across.label)
+
+
+def _name(panels: NDArray[Any], grid: Grid, height: float) -> None:
+    """The panels' rows and columns; one that stands alone needs no name."""
+    if not grid.wrapped:
+        for at, column in enumerate(grid.columns):
+            panels[0, at].set_title(column, pad=3)
+        for at, row in enumerate(grid.rows):
+            name = textwrap.fill(row, max(8, int(height / LETTER)))
+            panels[at, 0].set_ylabel("\n".join(filter(None, (name, panels[at, 0].get_ylabel()))))
+    elif len(grid.rows) * len(grid.columns) > 1:
+        for row in grid.rows:
+            for column in grid.columns:
+                panels[grid.place(row, column)].set_title(row if len(grid.columns) == 1 else column, pad=3)
