@@ -34,8 +34,9 @@ class Ended:
 
 
 @pytest.fixture(autouse=True)
-def plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No option comes from the environment of whoever runs the tests."""
+def plain_surroundings(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No option comes from the environment or the configuration of whoever runs the tests."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.getbasetemp() / "no-configuration"))
     for name in [name for name in os.environ if name.startswith("QINIT_")]:
         monkeypatch.delenv(name)
     for name in ("NO_COLOR", "FORCE_COLOR", "COLUMNS"):
@@ -57,8 +58,9 @@ def run_here(arguments: Sequence[str], stdin: str = "") -> Ended:
 
 
 @pytest.fixture
-def here() -> Callable[..., Ended]:
-    """Runs one command line in this process: `here("list", "--store", store)`."""
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Ended]:
+    """Runs one command line in this process, in a folder of its own: `here("list", "--store", store)`."""
+    monkeypatch.chdir(tmp_path)
 
     def call(*arguments: object, stdin: str = "") -> Ended:
         return run_here([str(argument) for argument in arguments], stdin)

@@ -1,0 +1,222 @@
+"""The contract of the command line, read from the registries: every family, method and option has its help."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from qinit_cli.app import app
+from qinit_cli.environments import FAMILIES
+from qinit_cli.fields import flag, options
+from qinit_cli.methods import METHODS
+
+HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib")
+README = Path(__file__).parents[2] / "README.md"
+
+Run = Callable[..., Any]
+
+
+def _commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command and group with its words."""
+    yield path, group
+    for name, command in getattr(group, "commands", {}).items():
+        yield from _commands(command, (*path, name))
+
+
+COMMANDS = dict(_commands(typer.main.get_command(app)))
+NAMES = [" ".join(path) for path in COMMANDS]
+
+
+@pytest.fixture
+def helped(here: Run, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
+    """The lines of a command's help on a very wide screen."""
+    monkeypatch.setenv("COLUMNS", "400")
+
+    def call(command: str, spelled: str = "--help") -> list[str]:
+        ended = here(*command.split(), spelled)
+        assert ended.code == 0, ended.err
+        assert ended.err == ""
+        return list(ended.out.splitlines())
+
+    return call
+
+
+def _line_of(option: str, lines: list[str]) -> str:
+    [line] = [line for line in lines if line.lstrip("│ *").startswith(f"{option} ")]
+    return line
+
+
+def test_the_contract_s_commands_are_there() -> None:
+    assert {"train-sources gridworld", "fit", "transfer zero", "compare", "list", "plot curves"} <= set(NAMES)
+
+
+def test_every_family_and_every_method_has_a_subcommand() -> None:
+    assert {path[1] for path in COMMANDS if path[:1] == ("train-sources",) and path[1:]} == FAMILIES.keys()
+    assert {path[1] for path in COMMANDS if path[:1] == ("transfer",) and path[1:]} == METHODS.keys()
+
+
+@pytest.mark.parametrize("command", NAMES)
+@pytest.mark.parametrize("spelled", ["-h", "--help"])
+def test_every_command_has_help(command: str, spelled: str, helped: Callable[..., list[str]]) -> None:
+    lines = helped(command, spelled)
+    assert f"Usage: {' '.join(['qinit', command]).strip()}" in lines[1]
+
+
+@pytest.mark.parametrize("command", NAMES)
+def test_every_option_of_every_command_says_what_it_does(
+    command: str, helped: Callable[..., list[str]]
+) -> None:
+    lines = helped(command)
+    for parameter in COMMANDS[tuple(command.split())].params:
+        if parameter.param_type_name == "option":
+            assert parameter.help, parameter.opts
+            assert parameter.help in _line_of(parameter.opts[0], lines)
+
+
+@pytest.mark.parametrize(
+    ("command", "owner"),
+    [
+        *((f"train-sources {name}", family) for name, family in FAMILIES.items()),
+        *((f"transfer {name}", method) for name, method in METHODS.items()),
+    ],
+)
+def test_every_field_of_families_and_methods_is_an_option_with_its_help_and_default(
+    command: str, owner: type[Any], helped: Callable[..., list[str]]
+) -> None:
+    lines = helped(command)
+    first = (owner.__doc__ or "").splitlines()[0]
+    assert any(first in line for line in lines)
+    for field in options(owner):
+        line = _line_of(flag(field.name), lines)
+        assert field.metadata["help"] in line
+        if field.metadata["default_text"]:
+            assert f"[default: ({field.metadata['default_text']})]" in line
+        elif field.default is not None and field.default is not False:
+            assert f"[default: {field.default}]" in line
+
+
+def test_defaults_from_the_family_are_told(helped: Callable[..., list[str]]) -> None:
+    for name, family in FAMILIES.items():
+        lines = helped(f"train-sources {name}")
+        learning = family.source_learning
+        for setting in ("episodes", "alpha", "gamma", "epsilon", "start", "horizon"):
+            assert f"default: ({getattr(learning, setting)})" in _line_of(flag(setting), lines)
+        assert f"default: ({family.source_tasks})" in _line_of("--tasks", lines)
+    lines = helped("transfer zero")
+    assert f"gridworld {FAMILIES['gridworld'].target_tasks}" in _line_of("--tasks", lines)
+    assert "[default: (from the fit)]" in _line_of("--gamma", lines)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [*(f"train-sources {name}" for name in FAMILIES), "fit", *(f"transfer {name}" for name in METHODS)],
+)
+def test_every_stage_has_the_options_of_the_contract(command: str) -> None:
+    given = {each for parameter in COMMANDS[tuple(command.split())].params for each in parameter.opts}
+    assert {
+        "-o",
+        "--store",
+        "--json",
+        "--force",
+        "--wait",
+        "-q",
+        "-v",
+        "--color",
+        "--debug",
+        "-h",
+    } <= given | {
+        "-h"  # typer's own
+    }
+    if command != "fit":
+        assert {"--jobs", "--tasks", "--seed", "--episodes", "--horizon", "--alpha", "--gamma"} <= given
+
+
+def test_sources_have_the_options_of_the_contract() -> None:
+    given = {each for parameter in COMMANDS["train-sources", "gridworld"].params for each in parameter.opts}
+    names = ("size", "goals", "mean", "variance", "p-low", "p-high", "learner", "epsilon", "start")
+    assert {f"--{name}" for name in names} <= given
+
+
+def test_transfer_and_compare_have_the_options_of_the_contract() -> None:
+    given = {each for parameter in COMMANDS["transfer", "zero"].params for each in parameter.opts}
+    assert {"--shift", "--keep-q"} <= given
+    given = {each for parameter in COMMANDS["compare",].params for each in parameter.opts}
+    assert {"--baseline", "--metric", "--format"} <= given
+
+
+def test_help_fits_eighty_columns(here: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for command in NAMES:
+        assert max(map(len, here(*command.split(), "-h").out.splitlines())) <= 80, command
+
+
+@pytest.mark.parametrize("spelled", ["-V", "--version"])
+def test_the_version_is_told(spelled: str, here: Run) -> None:
+    from qinit_cli import __version__
+
+    ended = here(spelled)
+    assert (ended.code, ended.out, ended.err) == (0, f"qinit {__version__}\n", "")
+
+
+def test_the_version_is_the_packages() -> None:
+    from importlib.metadata import version
+
+    from qinit_cli import __version__
+
+    assert version("qinit") == __version__
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    script = (
+        "import contextlib, io, sys\n"
+        "from qinit_cli.__main__ import main\n"
+        "from qinit_cli.app import run\n"
+        "for line in sys.argv[2:]:\n"
+        "    with contextlib.redirect_stdout(io.StringIO()):\n"
+        "        assert run(line.split()) == 0, line\n"
+        "print([name for name in sys.argv[1].split() if name in sys.modules])\n"
+    )
+    lines = ["--version", *(f"{name} --help" for name in NAMES)]
+    ended = subprocess.run(
+        [sys.executable, "-c", script, " ".join(HEAVY), *lines], capture_output=True, text=True, timeout=60
+    )
+    assert (ended.stdout, ended.stderr, ended.returncode) == ("[]\n", "", 0)
+
+
+def test_without_arguments_a_command_shows_its_help_and_ends_with_two(here: Run) -> None:
+    for command in ("", "train-sources", "transfer", "fit", "compare", "plot", "plot curves"):
+        ended = here(*command.split())
+        assert ended.code == 2, command
+        shown = ended.out + ended.err
+        assert f"Usage: {' '.join(['qinit', command]).strip()}" in shown
+        assert "qinit: ;" not in shown
+
+
+@pytest.mark.parametrize(
+    "command", [name for name in NAMES if not hasattr(COMMANDS[tuple(name.split())], "commands")]
+)
+def test_every_command_stands_in_the_readme(command: str) -> None:
+    text = README.read_text()
+    words = command.split()
+    if words[0] == "transfer":
+        assert f"`{words[1]}`" in text
+    else:
+        assert f"qinit {command}" in text
+
+
+@pytest.mark.soak
+def test_help_takes_less_than_a_fifth_of_a_second() -> None:
+    def once() -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([Path(sys.executable).with_name("qinit"), "--help"], check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    assert min(once() for _ in range(5)) < 0.2

@@ -1,0 +1,156 @@
+"""Tables in every format, read back."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qinit_cli.runs import Run
+from store.reading import open_artefact
+
+Here = Callable[..., Any]
+
+
+@pytest.fixture
+def compared(here: Here, pipeline: Any) -> Callable[..., Any]:
+    """`qinit compare` of zero, maxqinit and logqinit-median."""
+    runs = [pipeline.runs[name] for name in ("zero", "maxqinit", "logqinit-median")]
+
+    def call(*words: str) -> Any:
+        ended = here("compare", *runs, *words)
+        assert ended.code == 0, ended.err
+        return ended
+
+    return call
+
+
+def _rows(text: str, delimiter: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text), delimiter=delimiter))
+
+
+def test_tsv_csv_json_and_jsonl_hold_the_same_rows(compared: Callable[..., Any]) -> None:
+    told = json.loads(compared("--format", "json").out)
+    assert told["schema"].startswith("qinit.compare/")
+    assert "conditional on this source set" in told["intervals"]
+    rows = told["rows"]
+    lines = [json.loads(line) for line in compared("--format", "jsonl").out.splitlines()]
+    assert [{**row, "schema": told["schema"]} for row in rows] == lines
+    for delimiter, words in (("\t", ("--format", "tsv")), (",", ("--format", "csv")), ("\t", ())):
+        read = _rows(compared(*words).out, delimiter)
+        assert len(read) == len(rows) == 3
+        for found, row in zip(read, rows, strict=True):
+            assert list(found) == list(row)
+            for name, value in row.items():
+                assert found[name] == ("" if value is None else str(value)), name
+
+
+def test_json_is_the_same_as_format_json(compared: Callable[..., Any]) -> None:
+    assert compared("--json").out == compared("--format", "json").out
+
+
+def test_markdown_is_a_table_of_equal_rows(compared: Callable[..., Any]) -> None:
+    heading, rule, *rows = compared("--format", "markdown").out.splitlines()
+    assert set(rule) <= set("|- :")
+    assert {line.count("|") for line in (heading, rule, *rows)} == {heading.count("|")}
+    assert [row.split("|")[1 + _place(heading, "method")].strip() for row in rows] == [
+        "zero",
+        "maxqinit",
+        "logqinit-median",
+    ]
+
+
+def _place(heading: str, name: str) -> int:
+    return [each.strip() for each in heading.split("|")[1:]].index(name)
+
+
+def test_the_average_return_is_that_of_the_stored_episodes(
+    compared: Callable[..., Any], pipeline: Any
+) -> None:
+    rows = json.loads(compared("--json").out)["rows"]
+    averages = {}
+    for row in rows:
+        with open_artefact(pipeline.runs[row["method"]], "run") as artefact:
+            run = Run.from_artefact(artefact)
+        returns = np.where(run.reached, 0.95 ** (run.steps - 1.0), 0)
+        averages[row["method"]] = returns.mean()
+        assert row["return"] == pytest.approx(returns.mean())
+        assert row["jumpstart"] == pytest.approx(returns[:, :10].mean())
+        assert row["asymptotic"] == pytest.approx(returns[:, -6:].mean())
+        assert row["success"] == pytest.approx(run.reached.mean())
+        assert row["restricted_steps"] == pytest.approx(run.steps.mean())
+        assert row["return_low"] <= row["return"] <= row["return_high"]
+    for row in rows[1:]:
+        assert row["difference"] == pytest.approx(averages[row["method"]] - averages["zero"])
+    assert rows[0]["difference"] is None
+
+
+@pytest.mark.parametrize("metric", ["return", "success", "steps"])
+def test_the_metric_names_its_column(metric: str, compared: Callable[..., Any]) -> None:
+    [zero, *_] = json.loads(compared("--metric", metric, "--json").out)["rows"]
+    assert zero[metric] == pytest.approx(
+        zero[{"return": "return", "success": "success"}.get(metric, "restricted_steps")]
+    )
+
+
+def test_another_baseline_turns_the_difference_round(compared: Callable[..., Any]) -> None:
+    to_zero = json.loads(compared("--json").out)["rows"]
+    to_max = json.loads(compared("--baseline", "maxqinit", "--json").out)["rows"]
+    assert to_max[0]["difference"] == pytest.approx(-to_zero[1]["difference"])
+    assert to_max[1]["difference"] is None
+
+
+def test_without_a_run_of_the_baseline_a_note_names_the_command_that_makes_one(
+    here: Here, pipeline: Any
+) -> None:
+    ended = here("compare", pipeline.runs["maxqinit"], "--json")
+    assert "qinit transfer zero" in ended.err
+    assert json.loads(ended.out)["rows"][0]["difference"] is None
+
+
+def test_privileged_methods_are_marked(here: Here, pipeline: Any) -> None:
+    made = here("transfer", "optimal", pipeline.fit, "--tasks", 4, "--episodes", 60, "-q").path
+    for style in ("tsv", "table", "markdown", "json"):
+        lines = here("compare", made, pipeline.runs["zero"], "--format", style, "-q").out
+        assert "privileged" in lines, style
+
+
+def test_runs_of_other_targets_stand_in_tables_of_their_own(here: Here, pipeline: Any) -> None:
+    other = here("transfer", "zero", pipeline.fit, "--tasks", 3, "--episodes", 60, "--seed", 1, "-q").path
+    ended = here("compare", pipeline.runs["zero"], other, pipeline.runs["maxqinit"], "--json")
+    rows = json.loads(ended.out)["rows"]
+    assert [row["targets"].split(", ", 1)[1] for row in rows] == [
+        "4 targets of seed 0, 60 episodes",
+        "4 targets of seed 0, 60 episodes",
+        "3 targets of seed 1, 60 episodes",
+    ]
+
+
+def test_the_list_names_every_artefact_with_its_kind_and_tasks(here: Here, pipeline: Any) -> None:
+    rows = json.loads(here("list", "--store", pipeline.store, "--format", "json").out)["rows"]
+    named = {row["name"]: row for row in rows}
+    assert named[pipeline.sources.stem]["kind"] == "sources"
+    assert named[pipeline.fit.stem]["kind"] == "fit"
+    assert {row["kind"] for row in rows} == {"sources", "fit", "run"}
+    assert {row["family"] for row in rows} == {"gridworld"}
+    assert {row["tasks"] for row in rows} == {4}
+    assert {row["state"] for row in rows} == {"done"}
+    assert len(rows) == 2 + len(pipeline.runs)
+
+
+def test_an_empty_store_is_an_empty_table_and_a_hint(here: Here) -> None:
+    ended = here("list", "--format", "json")
+    assert (ended.code, json.loads(ended.out)["rows"]) == (0, [])
+    assert "qinit train-sources" in ended.err
+
+
+def test_a_damaged_artefact_is_listed_as_such(here: Here, tmp_path: Any) -> None:
+    (tmp_path / "qinit-store" / "fits").mkdir(parents=True)
+    (tmp_path / "qinit-store" / "fits" / "odd.h5").write_text("no artefact")
+    [row] = json.loads(here("list", "--json").out)["rows"]
+    assert row["state"].startswith("damaged")
