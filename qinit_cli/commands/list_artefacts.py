@@ -113,7 +113,7 @@ def _row(entry: Description) -> dict[str, Any]:
 
 
 def _for_people(row: dict[str, Any]) -> dict[str, Any]:
-    """The row with what is missing of an artefact beside its state."""
-    if row["tasks_wanted"] in (None, row["tasks"]):
-        return row
-    return row | {"state": f"{row['state']}, {row['tasks']} of {row['tasks_wanted']}"}
+    """The row with the day it was made on, and of unfinished work how many tasks there are of how many."""
+    partial = row["tasks_wanted"] not in (None, row["tasks"])
+    tasks = f"{row['tasks']}/{row['tasks_wanted']}" if partial else row["tasks"]
+    return row | {"tasks": tasks, "made": row["made"][:10]}
