@@ -50,7 +50,7 @@ def line_styles(count: int) -> list[dict[str, Any]]:
     """Colour and dashes for each of `count` lines, no two alike up to 28."""
     colours, dashes = len(COLOURS), len(DASHES)
     return [
-        {"color": COLOURS[i % colours], "linestyle": DASHES[(i + i // colours) % dashes]}
+        {"color": COLOURS[i % colours], "linestyle": DASHES[i % dashes]}  # 7 and 4 share no divisor
         for i in range(count)
     ]
 
