@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from breakable import Unflushed
 
 from store.schema import Axis, Column, fit_schema, run_schema, sources_schema
 from store.work import open_work
+
+DISK = Unflushed()
 
 ROW = Axis("row", np.arange(3))
 COL = Axis("col", np.arange(3))
@@ -48,12 +51,11 @@ def statics_for(schema):
     }
 
 
-def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, disk=None, **how):
+def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, disk=DISK, **how):
     """An artefact made as a stage would make it: the tasks that are not saved, batch by batch."""
     spec = spec_for(tasks) if spec is None else spec
-    more = {} if disk is None else {"disk": disk}
     provenance = {"command": f"qinit train-sources gridworld --tasks {tasks}"}
-    with open_work(path, schema, spec, provenance=provenance, **more, **how) as work:
+    with open_work(path, schema, spec, provenance=provenance, disk=disk, **how) as work:
         if work.complete:
             return work.target
         ids = np.arange(tasks) if order is None else np.asarray(order)
@@ -66,7 +68,7 @@ def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, 
 
 def make_fit(path, seed=0, inputs=()):
     schema = fit_schema((ROW, COL), ACTION, 3)
-    with open_work(path, schema, {"estimator": "mle", "seed": seed}) as work:
+    with open_work(path, schema, {"estimator": "mle", "seed": seed}, disk=DISK) as work:
         if work.complete:
             return work.target
         return work.finish(None, statics_for(schema), {"command": "qinit fit"}, list(inputs))
@@ -84,7 +86,7 @@ def make_run(path, tasks=4, episodes=8, keep_q=True):
         evaluations=2,
         keep_q=keep_q,
     )
-    with open_work(path, schema, {"method": "zero", "tasks": tasks}) as work:
+    with open_work(path, schema, {"method": "zero", "tasks": tasks}, disk=DISK) as work:
         ids = np.arange(tasks)
         work.save(rows_for(ids, schema), ids)
         return work.finish(ids, statics_for(schema), {"command": "qinit transfer zero"}, [])

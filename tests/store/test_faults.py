@@ -17,6 +17,10 @@ from store.reading import describe
 from store.work import open_work
 
 
+# Every moment in the soak run, else every third.
+SHARES = pytest.mark.parametrize("share", [3, pytest.param(1, marks=pytest.mark.soak)], ids=["third", "all"])
+
+
 def make_light(path, **how):
     return make_sources(path, schema=LIGHT, **how)
 
@@ -45,10 +49,11 @@ def kills(operations):
     yield len(operations) - 1, "after"
 
 
-def test_killed_at_any_operation_the_same_command_ends_with_the_same_content(tmp_path, straight):
+@SHARES
+def test_killed_at_any_operation_the_same_command_ends_with_the_same_content(tmp_path, straight, share):
     operations = operations_of(make(tmp_path / "count.h5"))
     assert len(operations) > 25
-    for at, when in kills(operations):
+    for at, when in [*kills(operations)][::share]:
         path = tmp_path / f"{when}{at}" / "a.h5"
         with pytest.raises(Killed):
             make(path)(Breakable(at, when))
@@ -58,14 +63,15 @@ def test_killed_at_any_operation_the_same_command_ends_with_the_same_content(tmp
         assert [one.name for one in path.parent.iterdir()] == ["a.h5"], operations[at]
 
 
-def test_killed_at_any_operation_of_a_growth_the_old_or_the_new_is_whole(tmp_path):
+@SHARES
+def test_killed_at_any_operation_of_a_growth_the_old_or_the_new_is_whole(tmp_path, share):
     def grow(path):
         return lambda disk: make_light(path, tasks=4, disk=disk)
 
     old = make_light(tmp_path / "old.h5", tasks=2).read_bytes()
     new = make_light(tmp_path / "new.h5", tasks=4).read_bytes()
     (tmp_path / "count.h5").write_bytes(old)
-    for at, when in kills(operations_of(grow(tmp_path / "count.h5"))):
+    for at, when in [*kills(operations_of(grow(tmp_path / "count.h5")))][::share]:
         path = tmp_path / f"{when}{at}.h5"
         path.write_bytes(old)
         with pytest.raises(Killed):
@@ -98,9 +104,10 @@ def test_what_was_reported_as_saved_is_there_after_a_kill_at_any_later_operation
 REASONS = (errno.ENOSPC, errno.EIO, errno.EACCES, errno.EROFS, errno.EDQUOT)
 
 
-def test_a_failing_operation_is_reported_and_the_same_command_goes_on(tmp_path, straight):
+@SHARES
+def test_a_failing_operation_is_reported_and_the_same_command_goes_on(tmp_path, straight, share):
     operations = operations_of(make(tmp_path / "count.h5"))
-    for number, at in enumerate(moments(operations)):
+    for number, at in enumerate(moments(operations)[::share]):
         path = tmp_path / f"{at}" / "a.h5"
         reason = REASONS[number % len(REASONS)]
         with pytest.raises(SystemFailed, match=os.strerror(reason)):
