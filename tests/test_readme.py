@@ -1,0 +1,88 @@
+"""The README's commands are executed as they stand there; a stand-in for qinit makes the tasks small, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[1] / "README.md"
+QINIT = Path(sys.executable).with_name("qinit")
+PICTURE_BYTES = 5_000
+
+# what a command asks for itself comes later on its line, and wins
+STAND_IN = f"""#!/bin/sh
+case "$1 $2 $*" in
+    "train-sources gridworld"*exact*) shift 2; set -- train-sources gridworld --size 6 "$@";;
+    "train-sources gridworld"*) shift 2; set -- train-sources gridworld --size 6 --tasks 4 --episodes 200 "$@";;
+    "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
+    transfer*-h) ;;
+    transfer*) method=$2; shift 2; set -- transfer "$method" --tasks 4 --episodes 40 "$@";;
+esac
+exec {QINIT} "$@"
+"""
+
+
+def _blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """The folder in which every shell block ran, one after the other in one shell, and how that ended."""
+    folder = tmp_path_factory.mktemp("readme")
+    stand_in = tmp_path_factory.mktemp("bin") / "qinit"
+    stand_in.write_text(STAND_IN)
+    stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
+    ended = subprocess.run(
+        ["bash", "-e", "-c", "set -o pipefail\n" + "\n".join(_blocks("sh"))],
+        cwd=folder,
+        env={**os.environ, "PATH": f"{stand_in.parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    return folder, ended
+
+
+def test_the_readme_shows_commands() -> None:
+    commands = "\n".join(_blocks("sh"))
+    for stage in ("train-sources", "fit", "transfer", "compare", "plot", "list"):
+        assert f"qinit {stage}" in commands
+
+
+def test_every_command_of_the_readme_works(ran: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    _, ended = ran
+    assert ended.returncode == 0, ended.stderr
+    assert "logqinit-median" in ended.stdout
+
+
+def test_the_readmes_pictures_are_drawn(ran: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    folder, _ = ran
+    pictures = {path.name for path in folder.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
+    assert {name for block in _blocks("sh") for name in re.findall(r"\S+\.png", block)} == pictures
+    assert pictures
+
+
+def test_the_readmes_python_reads_what_its_commands_made(
+    ran: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    folder, _ = ran
+    for block in _blocks("python"):
+        ended = subprocess.run(
+            [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, timeout=120
+        )
+        assert ended.returncode == 0, ended.stderr
+        assert ended.stdout.strip()
+
+
+def test_every_exit_code_of_the_contract_is_explained() -> None:
+    text = README.read_text()
+    table = text[text.index("## Exit codes") :]
+    for code in (*range(8), 130, 141, 143):
+        assert re.search(rf"^\|[^|]*\b{code}\b", table, re.MULTILINE), code
