@@ -274,12 +274,16 @@ def test_maps_of_any_size_fit(shape: tuple[int, int], width: int, colour: bool) 
 
 
 def test_coarse_maps_show_means_of_what_is_known() -> None:
-    values = np.full((64, 64), np.nan)
-    values[:32], values[0, 0] = 4.0, 2.0
-    values[:32, 32:] = 8.0
-    lines = _plain(heatmap(values, MapAxis("r", list(range(64))), MapAxis("c", list(range(64))), ASCII))
-    assert "mean of 4 x 2 entries" in lines[-1] or "mean of 2 x 2 entries" in lines[-1]
-    assert "?" in lines[-3]
+    """64 x 64 entries in 80 columns: pairs of rows are averaged, and one that is half unknown is what is known of it."""
+    values = np.zeros((64, 64))
+    values[0, 0], values[1, 0] = 10.0, np.nan
+    values[0, 1], values[1, 1] = 10.0, 0.0
+    values[2:4, 0] = np.nan
+    axes = [MapAxis(name, list(range(64))) for name in "rc"]
+    lines = _plain(heatmap(values, *axes, ASCII))
+    assert lines[-1].strip() == "each cell is the mean of 2 x 1 entries"
+    assert lines[1].split("|")[1][:3] == "@+ "
+    assert lines[2].split("|")[1][:3] == "?  "
 
 
 def test_the_curve_climbs_from_one_corner_to_the_other() -> None:
