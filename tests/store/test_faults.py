@@ -16,7 +16,6 @@ from store.folder import work_folder
 from store.reading import describe
 from store.work import open_work
 
-
 # Every moment in the soak run, else every third.
 SHARES = pytest.mark.parametrize("share", [3, pytest.param(1, marks=pytest.mark.soak)], ids=["third", "all"])
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from fakes import LIGHT, make_sources, spec_for
 
-from store.errors import Busy
+from store.errors import Busy, SystemFailed
 from store.folder import work_folder
 from store.reading import describe
 from store.work import open_work
@@ -112,3 +112,32 @@ def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_pat
             time.sleep(0.002)
         child.communicate()
     assert seen | {describe(path).tasks} == {2, 30}
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A real file system of 256 KiB, where the test may mount one."""
+    place = tmp_path / "small"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "none", str(place)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a file system can be mounted by root alone")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.soak
+def test_a_really_full_disk_ends_with_its_exit_code_and_goes_on_with_more_room(small_disk, tmp_path):
+    path = small_disk / "a.h5"
+    with start("make", path, 60) as child:
+        _, said = child.communicate()
+    assert child.returncode == SystemFailed.exit_code, said
+    assert "No space left on device" in said
+    assert "tasks are kept in" in said
+    subprocess.run(["mount", "-o", "remount,size=16m", str(small_disk)], check=True)
+    with open_work(path, LIGHT, spec_for(60)) as work:
+        assert work.saved.size > 5
+        assert work.set_aside == 0
+    make_sources(path, tasks=60, schema=LIGHT)
+    straight = make_sources(tmp_path / "straight.h5", tasks=60, schema=LIGHT)
+    assert describe(path).content_sha256 == describe(straight).content_sha256

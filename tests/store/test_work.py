@@ -429,3 +429,12 @@ def test_any_order_batching_and_interruption_gives_the_same_content(
             save_some(path, order[first:stop])
     make_sources(path, order=order, batch=2)
     assert describe(path).content_sha256 == straight
+
+
+def test_parts_that_a_dead_process_left_are_flushed_before_they_count(path):
+    save_some(path, [0, 1])
+    disk = Breakable()
+    with open_work(path, SOURCES, spec_for(), disk=disk):
+        done = list(disk.done)
+    assert ("flush the directory", work_folder(path).name) in done
+    assert ("flush the directory", path.parent.name) in done
