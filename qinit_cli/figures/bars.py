@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from qinit_cli.figures.style import COLUMN, TEXT, bar_styles
+from qinit_cli.figures.style import COLUMN, TEXT, bar_styles, plain_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +30,7 @@ def bars(
     """The groups side by side, one bar a method in each, with a legend. Call it within `house_style`."""
     import numpy as np
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     columns = 2 if width <= COLUMN else 4  # of the legend, beneath the axes
     figure = Figure(figsize=(width, 2.3 + 0.16 * -(-len(series) // columns)))
@@ -54,6 +55,8 @@ def bars(
     axes.set_xticks(range(len(groups)), groups)
     axes.set_xlim(-0.5, len(groups) - 0.5)
     axes.tick_params(axis="x", length=0)
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    plain_numbers(axes.yaxis)
     axes.set_xlabel(xlabel)
     axes.set_ylabel(ylabel)
     axes.set_title(title)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import COLUMN, TEXT, UNKNOWN_COLOUR, VALUE_COLOURS, plain_numbers
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 DECADES = 3  # that a logarithmic scale reaches below its largest value
 TALLEST = 8.8  # inches, of a page
-GAP, TITLE, TICKS, BAR, THICK = 0.08, 0.2, 0.45, 0.7, 0.11  # inches
+LEAST = 0.85  # inches, the width of a panel that can still be read
+GAP, TITLE, TICKS, NAMES, BESIDE, BENEATH, THICK = 0.08, 0.2, 0.45, 0.2, 0.7, 0.55, 0.11  # inches
 PAD = 0.03  # inches, around everything
 LETTER = 0.062  # inches, the width of a mean letter at 8 points
 ANY_SHAPE = (0.25, 4.0)  # of height to width; beyond, panels are stretched to be legible
@@ -89,7 +91,7 @@ def heatmaps(layers: Sequence[Layer], upright: Side, across: Side, title: str, w
     rows, columns = (list(dict.fromkeys(names)) for names in zip(*named, strict=True))
     grid = Grid(rows, columns, widest=2 if width <= COLUMN else 4)
     shape = min(max(len(upright.places) / len(across.places), ANY_SHAPE[0]), ANY_SHAPE[1])
-    panel, height = _sizes(grid, shape, len(layers), width)
+    panel, height = _sizes(grid, shape, len(layers) if grid.wrapped else 0, width, title)
     layout = ConstrainedLayoutEngine(compress=True, h_pad=PAD, w_pad=PAD, hspace=0.0, wspace=0.0)
     figure = Figure(figsize=(width, height), layout=layout)
     panels = figure.subplots(*grid.shape, squeeze=False)
@@ -106,24 +108,31 @@ def heatmaps(layers: Sequence[Layer], upright: Side, across: Side, title: str, w
         else:
             own = [at for at, row in enumerate(rows) if any(row == there for there, _ in layer.panels)]
             _bar_beside(figure, image, layer, list(panels[own].flat), len(own) * panel * shape)
-    _label_outer(panels, (upright, across), grid)
-    _name(panels, grid, panel * shape)
-    if not grid.wrapped:
-        figure.supxlabel(across.label)
+    _label_outer(panels, (upright, across), panel)
+    _name(panels, grid, panel, panel * shape)
     if title:
         figure.suptitle(title)
     return figure
 
 
-def _sizes(grid: Grid, shape: float, layers: int, width: float) -> tuple[float, float]:
-    """The width of a panel and the height of the figure, in inches."""
+def _sizes(grid: Grid, shape: float, beneath: int, width: float, title: str) -> tuple[float, float]:
+    """The width of a panel and the height of the figure with so many bars beneath, in inches.
+
+    UsageError where the panels would be too small to print.
+    """
     down, across = grid.shape
-    room = width - TICKS - (0.0 if grid.wrapped else BAR)
-    panel = room / across - GAP
-    above = down * TITLE if grid.wrapped else 2 * TITLE
-    beneath = TICKS + (layers * BAR if grid.wrapped else 0.0)
-    height = down * (panel * shape + GAP) + above + beneath
-    return panel, min(height, TALLEST)
+    beside = 0.0 if beneath else NAMES + BESIDE
+    above = TITLE * (1 + (1.5 if title else 0.0) + (down if grid.wrapped else 0))
+    around = above + TICKS + beneath * BENEATH
+    widest = (width - TICKS - beside) / across - GAP
+    tallest = ((TALLEST - around) / down - GAP) / shape
+    panel = min(widest, tallest)
+    if panel < LEAST:
+        raise UsageError(
+            f"{down} rows of {across} panels are too small to read on {width:g} by {TALLEST:g} inches; "
+            f"draw fewer methods or artefacts" + ("" if width > COLUMN else ", or --width text")
+        )
+    return panel, around + down * (panel * shape + GAP)
 
 
 def _colours(layer: Layer) -> Normalize:
@@ -173,7 +182,7 @@ def _draw(
 def _ticks(axis: Axis) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    axis.set_major_locator(MaxNLocator(3, steps=[1, 2, 2.5, 5, 10]))
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
     plain_numbers(axis)
 
 
@@ -208,7 +217,7 @@ def _label(image: AxesImage, layer: Layer, room: float) -> str:
 
     unknown = any(np.isnan(values).any() for values in layer.panels.values())
     label = layer.label + ("; grey: no source knows" if unknown else "")
-    return textwrap.fill(label, max(12, int(room / LETTER)))
+    return _folded(label, room)
 
 
 def _finish_bar(bar: Colorbar, image: AxesImage, label: str) -> None:
@@ -223,14 +232,14 @@ def _finish_bar(bar: Colorbar, image: AxesImage, label: str) -> None:
         bar.locator = LogLocator(subs=(1, 2, 5) if narrow else (1,))
         bar.minorticks_off()
     else:
-        bar.locator = MaxNLocator(5)
+        bar.locator = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
     bar.update_ticks()
     plain_numbers(bar.long_axis)
     bar.outline.set_linewidth(0.5)
     bar.set_label(label)
 
 
-def _label_outer(panels: NDArray[Any], sides: tuple[Side, Side], grid: Grid) -> None:
+def _label_outer(panels: NDArray[Any], sides: tuple[Side, Side], width: float) -> None:
     """Numbers and labels at the left and at the bottom of what is drawn, and not between."""
     upright, across = sides
     drawn = [[bool(axes.images) for axes in row] for row in panels]
@@ -240,19 +249,27 @@ def _label_outer(panels: NDArray[Any], sides: tuple[Side, Side], grid: Grid) -> 
             axes.tick_params(length=2, pad=2, labelleft=leftmost, labelbottom=lowest)
             if leftmost:
                 axes.set_ylabel(upright.label)
-            if lowest and drawn[down][at] and grid.wrapped:
-                axes.set_xlabel(across.label)
+            if lowest and drawn[down][at]:
+                axes.set_xlabel(_folded(across.label, width))
 
 
-def _name(panels: NDArray[Any], grid: Grid, height: float) -> None:
+def _name(panels: NDArray[Any], grid: Grid, width: float, height: float) -> None:
     """The panels' rows and columns; one that stands alone needs no name."""
     if not grid.wrapped:
         for at, column in enumerate(grid.columns):
-            panels[0, at].set_title(column, pad=3)
+            panels[0, at].set_title(_folded(column, width), pad=3)
         for at, row in enumerate(grid.rows):
-            name = textwrap.fill(row, max(8, int(height / LETTER)))
-            panels[at, 0].set_ylabel("\n".join(filter(None, (name, panels[at, 0].get_ylabel()))))
+            beside = (_folded(row, height), panels[at, 0].get_ylabel())
+            panels[at, 0].set_ylabel("\n".join(filter(None, beside)))
     elif len(grid.rows) * len(grid.columns) > 1:
         for row in grid.rows:
             for column in grid.columns:
-                panels[grid.place(row, column)].set_title(row if len(grid.columns) == 1 else column, pad=3)
+                name = row if len(grid.columns) == 1 else column
+                panels[grid.place(row, column)].set_title(_folded(name, width), pad=3)
+
+
+def _folded(text: str, room: float) -> str:
+    """The text in lines of at most `room` inches, where its words allow."""
+    return "\n".join(
+        textwrap.fill(line, max(8, int(room / LETTER)), break_long_words=False) for line in text.split("\n")
+    )

@@ -20,9 +20,10 @@ POINT_COLOUR = COLOURS[0]
 FIT_COLOUR = COLOURS[1]
 FIT_LABEL = "fitted log-normal"
 POINT_LABEL = "source tasks"
-BAND_LABEL = "95 % band of each task under the fit"
+BAND_LABEL = "95 % band under the fit, point by point"
 POINTS = 200  # along a curve
 MOST_BINS = 40
+FIT_ROOM = 1.4  # of the tallest bar: how far up the fitted curve is shown
 HEIGHT = 5.6  # inches
 
 
@@ -67,7 +68,9 @@ def _histogram(axes: Axes, values: Floats, sample: ValueSample, density: Callabl
         axes.text(0.5, 0.5, "no value above 0", transform=axes.transAxes, ha="center", va="center")
         return
     edges = _edges(values)
-    axes.hist(values, list(edges), color=BAR_COLOUR, edgecolor="black", linewidth=0.4)
+    counts, *_ = axes.hist(values, list(edges), color=BAR_COLOUR, edgecolor="black", linewidth=0.4)
+    # a fit that is far off peaks out of sight rather than making the bars invisible
+    axes.set_ylim(0, FIT_ROOM * float(np.max(counts)))
     if sample.sigma > 0:
         at = np.linspace(edges[0], edges[-1], POINTS)
         counted = density(at) * values.size * (edges[1] - edges[0])

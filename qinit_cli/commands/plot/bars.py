@@ -66,7 +66,7 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
         figure = drawing.bars(
             _series(comparisons, barring.minus),
             _groups(found),
-            f"targets drawn from (95 % intervals over {_targets(comparisons)} targets each)",
+            f"95 % intervals over {_targets(comparisons)} targets",
             f"{label}, minus {barring.minus}" if barring.minus else label,
             picture.title or "",
             USUAL.inches(picture),

@@ -36,7 +36,6 @@ Quantity = Literal[
     "eopl-std",
     "eopl-n",
 ]
-SPANNING = ("start", "mean", "min", "max", "lognormal-median", "lognormal-mean")  # orders of magnitude
 
 
 @dataclass(frozen=True)
@@ -52,19 +51,13 @@ class Mapping:
         "start",
         "The start, largest over actions; or a table of the fits, at the action of the largest mean.",
     )
-    scale: Literal["log", "linear"] | None = option(
-        None, "Colours by the logarithm or by the value.", default_text="log for values, linear for the rest"
-    )
+    scale: Literal["linear", "log"] = option("linear", "Colours by the value, or by its logarithm.")
     bare: bool = option(False, "Leave out the chances of the goal.")
 
     def __post_init__(self) -> None:
         check(self)
         if self.method and self.quantity != "start":
             raise ValueError(f"--method draws starts; with --quantity {self.quantity} leave it out")
-
-    @property
-    def logarithmic(self) -> bool:
-        return self.scale == "log" or (self.scale is None and self.quantity in SPANNING)
 
 
 def add_to(plots: typer.Typer) -> None:
@@ -156,4 +149,4 @@ def _layers(
     }
     if mapping.scale == "log" and any((table < 0).any() for table in tables.values()):
         raise UsageError(f"--scale log: {mapping.quantity} has values below 0; use --scale linear")
-    yield Layer(found[0].label, tables, logarithmic=mapping.logarithmic)
+    yield Layer(found[0].label, tables, logarithmic=mapping.scale == "log")

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from store.reading import Artefact
 
 USUAL = Usual("histograms", "text", "the distribution, and how many tasks")
+MINUS = "\N{MINUS SIGN}"
 MOST_STATES = {"column": 2, "text": 4}  # that are legible side by side
 
 
@@ -144,7 +145,7 @@ def _shown(name: str, values: Floats, family: Family) -> Shown:
     sample = ValueSample.of(values[:, greedy])
     return Shown(
         sample=sample,
-        of_values=f"{name}, {family.actions[greedy]}\nn = {sample.values.size}, masked {sample.masked}\n"
+        of_values=f"{name.replace('-', MINUS)}, {family.actions[greedy]}\nn = {sample.values.size}, masked {sample.masked}\n"
         + _verdict(*shapiro_wilk_of(sample.values)),
         of_logarithms=_verdict(*shapiro_wilk_of(sample.logarithms)),
     )

@@ -24,6 +24,7 @@ METRIC_LABELS = {
     "success": "share of episodes at the goal",
     "steps": "steps, at most the horizon",
 }
+SPELLED_OUT = {"col": "column"}  # what an axis is called in files and in pictures
 
 
 @dataclass(frozen=True)
@@ -103,4 +104,5 @@ def distinct(names: Sequence[str], *additions: Sequence[str]) -> list[str]:
 def axis_label(axis: Axis) -> str:
     """What stands along a state axis: its name and unit; whole numbers without one count cells."""
     unit = "cell" if axis.unit == "1" and axis.values.dtype.kind in "iu" else axis.unit
-    return axis.name if unit in ("", "1") else f"{axis.name} ({unit})"
+    name = SPELLED_OUT.get(axis.name, axis.name)
+    return name if unit in ("", "1") else f"{name} ({unit})"
