@@ -8,6 +8,7 @@ import traceback
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from qinit_cli import __version__, configuration
 from qinit_cli.commands import (
@@ -17,17 +18,33 @@ from qinit_cli.commands import (
     export,
     fit,
     list_artefacts,
+    merge,
     plot,
+    salvage,
     sample_size,
     show,
     train_sources,
     transfer,
+    verify,
 )
 from qinit_cli.commands.build import option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
+ORDER = ("train-sources", "fit", "transfer", "compare", "list", "show", "plot")  # then the rest
+
+
+class InOrder(TyperGroup):
+    """The root command, whose help lists commands in the order in which they are met."""
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:
+        """The names, those of ORDER first."""
+        names = super().list_commands(ctx)
+        return [name for name in ORDER if name in names] + [name for name in names if name not in ORDER]
+
+
 app = typer.Typer(
+    cls=InOrder,
     name="qinit",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -35,20 +52,18 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-for module in (
-    train_sources,
-    fit,
-    transfer,
-    compare,
-    plot,
-    list_artefacts,
-    show,
-    sample_size,
-    config,
-    doctor,
-    export,
-):
-    module.add_to(app)
+PANELS = {
+    "The pipeline": (train_sources, fit, transfer, compare),
+    "Artefacts": (list_artefacts, show, plot, export, verify, salvage, merge),
+    "Planning and installation": (sample_size, config, doctor),
+}
+for panel, modules in PANELS.items():
+    for module in modules:
+        module.add_to(app)
+    for command in app.registered_commands:
+        command.rich_help_panel = command.rich_help_panel or panel
+    for group in app.registered_groups:
+        group.rich_help_panel = group.rich_help_panel or panel
 
 
 def _print_version(asked: bool) -> None:

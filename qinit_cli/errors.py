@@ -2,6 +2,7 @@
 
     QinitError
     |- UsageError   2  options that cannot be meant, a reference that leads nowhere
+    |- TasksFailed  3  some tasks failed, the rest are saved
     |- NotAllowed   4  the input does not allow it: wrong kind, too few sources, other targets
 
     Interrupted   130 or 143  a signal; what was learned is kept
@@ -22,6 +23,12 @@ class UsageError(QinitError):
     """The command line or the configuration cannot be meant so."""
 
     exit_code = 2
+
+
+class TasksFailed(QinitError):
+    """Some tasks failed; the rest are saved, and the artefact's path was printed."""
+
+    exit_code = 3
 
 
 class NotAllowed(QinitError):

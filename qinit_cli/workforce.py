@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
+    from qinit_cli.kernels.batch import Watch
 
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
@@ -20,6 +22,44 @@ BATCH = (
 )
 IN_FLIGHT = 2  # batches per worker: one at work, one waiting
 TICK = 0.1  # seconds between two looks at progress
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a batch of tasks."""
+
+    ids: Integers  # of those that were learned
+    rows: dict[str, Any]  # column name: array with a leading task axis; empty where no task was learned
+    failures: tuple[tuple[int, Exception], ...] = ()
+
+
+@dataclass(frozen=True)
+class Careful:
+    """Learns a batch; where that fails, one task at a time, so that a bad task does not take others with it."""
+
+    learn: Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
+    watch: Watch
+
+    def __call__(self, batch: Integers) -> Outcome:
+        """The outcome of the tasks with these ids; no exception of theirs is raised."""
+        try:
+            return Outcome(*self.learn(batch, self.watch))
+        except Exception as error:
+            if len(batch) == 1:
+                return Outcome(batch[:0], {}, ((int(batch[0]), error),))
+        return _together([self(batch[place : place + 1]) for place in range(len(batch))])
+
+
+def _together(outcomes: list[Outcome]) -> Outcome:
+    import numpy as np
+
+    learned = [outcome for outcome in outcomes if len(outcome.ids)]
+    names = learned[0].rows if learned else {}
+    return Outcome(
+        ids=np.concatenate([outcome.ids for outcome in outcomes]),
+        rows={name: np.concatenate([outcome.rows[name] for outcome in learned]) for name in names},
+        failures=tuple(failure for outcome in outcomes for failure in outcome.failures),
+    )
 
 
 def batches(tasks: Integers, jobs: int) -> list[Integers]:

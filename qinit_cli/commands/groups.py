@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from dataclasses import dataclass
 from typing import Literal
@@ -39,9 +40,28 @@ class Work:
     """How much of the machine is used; no number depends on it."""
 
     jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
+    shard: str | None = option(
+        None,
+        "Learn only the K-th of N shares, into an artefact of its own; qinit merge joins them.",
+        metavar="K/N",
+        default_text="all tasks",
+    )
+    fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.")
 
     def __post_init__(self) -> None:
         check(self)
+        if self.shard is not None:
+            shape = re.fullmatch(r"(\d+)/(\d+)", self.shard)
+            if shape is None or not 1 <= int(shape[1]) <= int(shape[2]):
+                raise ValueError(f"--shard is {self.shard}; it must be K/N with K from 1 to N, such as 2/4")
+
+    @property
+    def share(self) -> tuple[int, int]:
+        """Which of how many shares is learned, counted from 1; (1, 1) is all of it."""
+        if self.shard is None:
+            return 1, 1
+        share, _, shares = self.shard.partition("/")
+        return int(share), int(shares)
 
     @property
     def threads(self) -> int:

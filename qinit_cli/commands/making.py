@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import Progress, detail, note
-from qinit_cli.errors import Interrupted, UsageError
-from qinit_cli.workforce import batches, results
+from qinit_cli.errors import Interrupted, TasksFailed, UsageError
+from qinit_cli.workforce import Careful, batches, results
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -78,21 +78,31 @@ def make(plan: Plan, output: Output, work: Work, display: Display) -> Made:
     from store.reading import describe
     from store.work import open_work
 
-    path = target_path(output, plan.schema.kind, plan.stem, plan.spec)
+    share, shares = work.share
+    stem = plan.stem if shares == 1 else f"{plan.stem}-share-{share}-of-{shares}"
+    path = target_path(output, plan.schema.kind, stem, plan.spec)
     origin = provenance(plan.read)
     with open_work(
         path, plan.schema, plan.spec, force=output.force, wait=output.wait, provenance=origin
     ) as artefact:
+        asked = share_of(plan.count, share, shares)
         complete = artefact.complete
         if complete:
             tally = Tally(plan.count, skipped=plan.count)
         else:
-            _take_over(artefact, plan, output, display)
-            tally = _learn_missing(artefact, plan, work, display)
-            artefact.finish(
-                range(plan.count), statics=plan.statics, provenance=origin, inputs=list(plan.inputs)
-            )
+            if shares == 1:  # a share holds its own tasks and no others
+                _take_over(artefact, asked, plan, output, display)
+            complete = path.exists() and not output.force and set(asked) <= set(artefact.saved)
+            tally = _learn_missing(artefact, asked, plan, work, display)
+            artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
     return Made(path, describe(path).content_sha256, tally, complete)
+
+
+def share_of(count: int, share: int, shares: int) -> Integers:
+    """The ids of the share-th of so many shares of `count` tasks, as even as can be, each a run of ids."""
+    import numpy as np
+
+    return np.array_split(np.arange(count), shares)[share - 1]
 
 
 def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -> Path:
@@ -123,7 +133,7 @@ def provenance(read: Path | None = None) -> dict[str, str]:
     }
 
 
-def _take_over(artefact: StoreWork, plan: Plan, output: Output, display: Display) -> None:
+def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:
     """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
     from store.catalog import Store
     from store.errors import Damaged
@@ -131,7 +141,7 @@ def _take_over(artefact: StoreWork, plan: Plan, output: Output, display: Display
 
     for relative in Store(Path(output.store)).relatives(plan.schema.kind, plan.spec):
         before = len(artefact.saved)
-        if before == plan.count:
+        if set(asked) <= set(artefact.saved):
             return
         try:
             with open_artefact(relative.path, plan.schema.kind) as there:
@@ -142,46 +152,51 @@ def _take_over(artefact: StoreWork, plan: Plan, output: Output, display: Display
             note(display, f"{taken} tasks are taken over from {relative.path}")
 
 
-def _learn_missing(artefact: StoreWork, plan: Plan, work: Work, display: Display) -> Tally:
+def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work, display: Display) -> Tally:
     import numpy as np
 
     from qinit_cli.kernels.batch import Watch
 
-    missing = np.setdiff1d(np.arange(plan.count), artefact.saved)
-    tally = Tally(tasks=plan.count, skipped=plan.count - len(missing))
+    missing = np.setdiff1d(asked, artefact.saved)
+    tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
     _say_what_is_there(artefact, tally, plan.kernel, display)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
-
-    def learn(batch: Integers) -> tuple[Integers, Rows]:
-        return plan.learn(batch, watch)
-
     with (
         signals.asking_first(watch.stop) as received,
         ThreadPoolExecutor(work.threads) as threads,
-        Progress(display, plan.what, tally.skipped, plan.count, watch) as progress,
+        Progress(display, plan.what, tally.skipped, len(asked), watch) as progress,
     ):
         jobs = work.threads
-        for ids, rows in results(
+        learn = Careful(plan.learn, watch)
+        for learned in results(
             threads, jobs, learn, batches(missing, jobs), lambda: watch.stopped, progress.tick
         ):
-            waiting.add(ids, rows)
-            progress.advance(len(ids))
+            waiting.add(learned.ids, learned.rows)
+            progress.advance(len(learned.ids))
+            for task, error in learned.failures:
+                tally.failed += 1
+                note(display, _failure(task, error, plan))
+                if work.fail_fast:
+                    watch.stop()
         waiting.save()
+    saved = f"{len(artefact.saved)} of {len(asked)} tasks are saved"
     if received:
-        raise Interrupted(
-            f"stopped: {len(artefact.saved)} of {plan.count} tasks are saved; the same command goes on with the rest",
-            128 + received[0],
-        )
+        raise Interrupted(f"stopped: {saved}; the same command goes on with the rest", 128 + received[0])
+    if tally.failed and (work.fail_fast or not len(artefact.saved)):
+        raise TasksFailed(f"stopped after a task failed: {saved}; the same command goes on with the rest")
     return tally
+
+
+def _failure(task: int, error: Exception, plan: Plan) -> str:
+    """What failed, and the command that makes it fail again."""
+    alone = f"{provenance(plan.read)['command']} --shard {task + 1}/{plan.count} --fail-fast"
+    return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
 
 
 def say_result(made: Made, schema: str, sentence: str, output: Output, display: Display) -> None:
     """The summary on stderr, then the path alone on a line, or one JSON object, on stdout."""
     note(display, sentence)
-    if not output.json:
-        print(made.path, flush=True)
-        return
     tally = made.tally
     told = {
         "schema": schema,
@@ -194,7 +209,9 @@ def say_result(made: Made, schema: str, sentence: str, output: Output, display: 
         "seconds": round(tally.seconds, 6),
         **tally.extra,
     }
-    print(json.dumps(told, allow_nan=False), flush=True)
+    print(json.dumps(told, allow_nan=False) if output.json else made.path, flush=True)
+    if tally.failed:
+        raise TasksFailed(f"{tally.failed} of {tally.tasks} tasks failed; the same command tries them again")
 
 
 def _say_what_is_there(artefact: StoreWork, tally: Tally, kernel: tuple[str, str], display: Display) -> None:

@@ -1,0 +1,51 @@
+"""`qinit merge`: shares of a job put together."""
+
+from __future__ import annotations
+
+import re
+
+import typer
+
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, Display
+from qinit_cli.commands.rewriting import REWRITING, Rewriting
+
+SHARE = re.compile(r"-share-\d+-of-\d+")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "merge",
+        merge,
+        {"rewriting": REWRITING, "display": DISPLAY},
+        references=(
+            Reference(
+                "artefacts", "Shares of one job: paths, names in the store, or - for stdin.", several=True
+            ),
+        ),
+        help="Join the shares of a job (--shard K/N) into the artefact that one run would have made.",
+    )
+
+
+def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
+    """Joins the shares, and prints the path of the whole."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.making import provenance
+    from qinit_cli.commands.rewriting import say_written
+    from store.mend import merge as join
+    from store.reading import describe
+
+    paths = references.many(artefacts, rewriting.store)
+    whole = SHARE.sub("", paths[0].name)
+    name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
+    target = join(paths, rewriting.target(paths[0], name), provenance(), force=rewriting.force)
+    made = describe(target)
+    asked = made.spec.get("tasks", made.tasks)
+    sentence = f"{made.tasks} tasks of {len(paths)} shares"
+    if made.tasks < asked:
+        sentence += f"; {asked - made.tasks} of {asked} are in none of them"
+    say_written(
+        target, "qinit.merge/1", {"tasks": made.tasks, "shares": len(paths)}, sentence, rewriting, display
+    )

@@ -1,0 +1,40 @@
+"""`qinit salvage`: what a damaged artefact still holds."""
+
+from __future__ import annotations
+
+import typer
+
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, Display
+from qinit_cli.commands.rewriting import REWRITING, Rewriting
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "salvage",
+        salvage,
+        {"rewriting": REWRITING, "display": DISPLAY},
+        references=(Reference("artefact", "A damaged artefact: a path, or a name in the store."),),
+        help="Write a new artefact of the tasks whose digest holds; the command that made it learns the rest again.",
+    )
+
+
+def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
+    """Writes what holds, and prints its path."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.making import provenance
+    from qinit_cli.commands.rewriting import say_written
+    from store.mend import salvage as mend
+    from store.reading import describe
+
+    path = references.one(artefact, rewriting.store)
+    target = rewriting.target(path, f"{path.stem}-salvaged.h5")
+    lost = mend(path, target, provenance(path), force=rewriting.force).tolist()
+    kept = describe(target).tasks
+    sentence = f"{kept} tasks kept, {len(lost)} lost"
+    if lost:
+        some = ", ".join(map(str, lost[:10])) + (", ..." if len(lost) > 10 else "")
+        sentence += f" ({some}); the command that made it, with -o {target}, learns them again"
+    say_written(target, "qinit.salvage/1", {"tasks": kept, "lost": lost}, sentence, rewriting, display)

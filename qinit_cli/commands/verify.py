@@ -1,0 +1,58 @@
+"""`qinit verify`: whether artefacts are what was written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+
+if TYPE_CHECKING:
+    from store.verify import Verdict
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command."""
+    add_command(
+        app,
+        "verify",
+        verify,
+        {"tabular": TABULAR, "reading": READING, "display": DISPLAY},
+        references=(
+            Reference("artefacts", "Artefacts: paths, names in the store, or - for stdin.", several=True),
+        ),
+        help="Check every digest of artefacts, in a process with limited memory and time; exit code 6 for damage.",
+    )
+
+
+def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Display) -> None:
+    """Prints one row per artefact; Damaged for the first that does not hold, once all were read."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.tables import TableColumn, print_table
+    from store.verify import verify as examine
+
+    verdicts = [examine(path) for path in references.many(artefacts, reading.store)]
+    columns = [
+        TableColumn("artefact"),
+        TableColumn("kind"),
+        TableColumn("tasks"),
+        TableColumn("state"),
+        TableColumn("damaged_tasks", "damaged"),
+        TableColumn("detail", dispensable=True),
+    ]
+    print_table("qinit.verify/1", columns, [_row(verdict) for verdict in verdicts], tabular, display)
+    for verdict in verdicts:
+        verdict.raise_if_damaged()
+
+
+def _row(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "artefact": str(verdict.path),
+        "kind": verdict.kind,
+        "tasks": verdict.tasks,
+        "state": "sound" if verdict.sound else "damaged",
+        "damaged_tasks": " ".join(map(str, verdict.damaged)),
+        "detail": verdict.problem or verdict.content_sha256,
+    }
