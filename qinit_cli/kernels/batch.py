@@ -11,12 +11,11 @@ import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.kernels.dice import Words, exploration_limit
-from qinit_cli.kernels.lane import BLOCK, ROW, Lanes, Setting, Tasks
+from qinit_cli.kernels.lane import Evaluation, Setting, Tasks, new_lanes
+from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.learning import Learning
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
-CACHE_LINE = 64
-NEVER = 1 << 62  # episodes: a lane without a task never reaches its last
 
 
 class Worlds(Protocol):
@@ -47,6 +46,8 @@ class Chance:
 
     dice: Words  # (B, 4, 8) slips, exploration and picks
     starts: Words  # (B, 4) where episodes start
+    evaluation: Words | None = None  # (B, 4) greedy episodes; needed if there are any
+    choices: Words | None = None  # (B, 4) choosing and following policies; needed if there are any
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class Start:
 
     table: Floats  # (S, A) or (B, S, A)
     potential: Floats | None = None  # (S,) or (B, S); None: no shaping
+    policies: Policies | None = None  # None, or none of them: plain learning
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Records:
     bins: int  # of the learning curve; as many as episodes keeps every episode
     visits: bool = False
     td_var: bool = False  # running mean, rate 0.01, of the squared TD error
+    evaluate_every: int = 0  # a greedy episode before the first and after every n-th; 0: none
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,9 @@ class Learned:
     td_var: Floats | None  # (B, S, A)
     steps: Integers  # (B, bins) sums over the episodes of a bin
     reached: Integers  # (B, bins)
-    step_count: Integers  # (B,)
+    evaluation_steps: Integers | None  # (B, 1 + episodes // evaluate_every)
+    evaluation_reached: Integers | None  # (B, 1 + episodes // evaluate_every)
+    step_count: Integers  # (B,) of learning
     seconds: Floats  # (B,) each task's share, by steps, of the time of its batch
     finished: Flags  # (B,)
 
@@ -141,22 +146,19 @@ def learn(
     )
     visits = np.zeros(shape, np.int64) if records.visits else None
     td_var = np.zeros(shape) if records.td_var else None
+    evaluation = _evaluation(records.evaluate_every, learning.episodes, chance.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
     arguments = (
         world,
-        Setting(
-            learning.alpha,
-            learning.gamma,
-            exploration_limit(learning.epsilon),
-            learning.episodes,
-            learning.horizon,
-        ),
+        _setting(learning),
         tasks,
-        _lanes(lanes, worlds.states),
+        new_lanes(lanes, worlds.states),
         _potential(start.potential, batch, worlds.states),
         visits,
         td_var,
+        evaluation,
+        _choosing(start.policies, chance.choices, lanes, shape),
     )
     seconds = _run(advance, arguments, tasks, watch)
     return Learned(
@@ -165,6 +167,8 @@ def learn(
         td_var=td_var,
         steps=tasks.steps,
         reached=tasks.reached,
+        evaluation_steps=None if evaluation is None else evaluation.steps,
+        evaluation_reached=None if evaluation is None else evaluation.reached,
         step_count=tasks.step_count,
         seconds=seconds,
         finished=tasks.finished,
@@ -188,30 +192,32 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, watch: Watch) -
     return seconds
 
 
-def _lanes(count: int, states: int) -> Lanes:
-    places = (states + 1) * ROW
-    visits = _aligned(count, places).view(np.int64)
-    return Lanes(
-        task=np.full(count, -1, np.int64),
-        order=np.arange(count),
-        following=np.zeros(1, np.int64),
-        rows=_aligned(count, places),
-        ties=np.zeros((count, states + 1), np.uint8),
-        visits=visits,
-        td_var=visits.view(np.float64),
-        draws=np.zeros(BLOCK, np.uint64),
-        choices=np.zeros((count, BLOCK), np.uint16),
-        time=np.zeros(count, np.int64),
-        ended=np.full(count, NEVER),
-        lengths=np.zeros((count, BLOCK), np.int64),
-    )
+def _setting(learning: Learning) -> Setting:
+    exploration = exploration_limit(learning.epsilon)
+    return Setting(learning.alpha, learning.gamma, exploration, learning.episodes, learning.horizon)
 
 
-def _aligned(rows: int, columns: int) -> Floats:
-    """Zeros that begin on a cache line, so that a row of eight is one."""
-    memory = np.zeros(rows * columns + CACHE_LINE // 8)
-    first = -memory.ctypes.data % CACHE_LINE // 8
-    return memory[first : first + rows * columns].reshape(rows, columns)
+def _evaluation(every: int, episodes: int, dice: Words | None, batch: int) -> Evaluation | None:
+    if every == 0:
+        return None
+    if every < 0 or dice is None:
+        raise ValueError(f"evaluation after every {every} episodes: at least 1, with streams of its own")
+    _expect("evaluation dice", dice.shape, (batch, 4))
+    shape = batch, 1 + episodes // every
+    return Evaluation(every, dice.copy(), steps=np.zeros(shape, np.int64), reached=np.zeros(shape, np.int64))
+
+
+def _choosing(
+    policies: Policies | None, dice: Words | None, lanes: int, shape: tuple[int, int, int]
+) -> Choosing | None:
+    batch, states, actions = shape
+    if policies is None or len(policies.actions) == 0:
+        return None
+    _expect("policies", policies.actions.shape, (len(policies.actions), states))
+    if dice is None or policies.actions.min() < 0 or policies.actions.max() >= actions:
+        raise ValueError(f"policies need streams of their own, and actions from 0 to {actions - 1}")
+    _expect("choice dice", dice.shape, (batch, 4))
+    return new_choosing(policies, dice, lanes)
 
 
 def _potential(potential: Floats | None, batch: int, states: int) -> Floats | None:

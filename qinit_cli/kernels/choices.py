@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.kernels.compiled import inner
+from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE
 
 PICKS = 12
@@ -46,10 +46,15 @@ def decide(draws, exploration, all_actions, slips, choices):
     """
     first, second, third = slips[0], slips[1], slips[2]
     for index in range(len(draws)):
-        draw = draws[index]
-        upper = draw >> THIRTY_TWO
-        slip = (_ONE if upper >= first else _NONE) + (_ONE if upper >= second else _NONE)
-        slip += _ONE if upper >= third else _NONE
-        explored = all_actions if ((draw >> TWELVE) & LOW_20) < exploration else _NONE
-        pick = ((draw & LOW_12) * _PICKS) >> TWELVE
-        choices[index] = (slip * _PICKS + pick) * _TIES + explored
+        explored = all_actions if ((draws[index] >> TWELVE) & LOW_20) < exploration else _NONE
+        choices[index] = greedy_choice(draws[index], first, second, third) | explored
+
+
+@inlined
+def greedy_choice(draw, first, second, third):
+    """What a draw decides for a step that does not explore."""
+    upper = draw >> THIRTY_TWO
+    slip = (_ONE if upper >= first else _NONE) + (_ONE if upper >= second else _NONE)
+    slip += _ONE if upper >= third else _NONE
+    pick = ((draw & LOW_12) * _PICKS) >> TWELVE
+    return (slip * _PICKS + pick) * _TIES

@@ -14,20 +14,22 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.kernels.choices import ACTIONS, DIRECTIONS, decide
+from qinit_cli.kernels.choices import ACTIONS, DIRECTIONS, decide, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, lean
-from qinit_cli.kernels.dice import below, draw_block, slip_limit
+from qinit_cli.kernels.dice import below, draw, draw_block, slip_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
     end_block,
+    evaluation_due,
     is_idle,
     lanes_in_use,
-    leave,
     make_terminal,
+    record_end,
     table,
     take,
     update,
 )
+from qinit_cli.kernels.policies import begin, followed, learn_of_episode
 from qinit_cli.learning import Learning
 
 ALL_ACTIONS = np.uint64(0b1111)
@@ -41,6 +43,7 @@ class World(NamedTuple):
     goal: Any  # i8 (B,)
     slips: Any  # u8 (B, 3) limits of the upper half of a draw
     start: int  # where episodes start; ANYWHERE: uniformly over the cells but the goal
+    target_start: int  # where evaluation starts
     cell: Any  # u4 (L,) where the task of a lane is
     lane_goal: Any  # u4 (L,) where it goes
     starts: Any  # u4 (L, BLOCK) where its next episodes start, e % BLOCK for where the e-th leads
@@ -53,7 +56,7 @@ class Gridworlds:
     size: int
     goal: NDArray[np.int64]  # (B,) cells
     p: NDArray[np.float64]  # (B,) probability of the intended move
-    start: int = 0  # where episodes start if learning.start is "fixed"
+    start: int = 0  # the target start: of evaluation, and of episodes if learning.start is "fixed"
 
     actions: ClassVar[int] = 4
     lanes: ClassVar[int] = 4
@@ -86,6 +89,7 @@ class Gridworlds:
             goal=np.ascontiguousarray(self.goal, np.int64),
             slips=slip_limit(np.stack([self.p, self.p + slip, self.p + 2 * slip], axis=1)),
             start=ANYWHERE if learning.start == "anywhere" else self.start,
+            target_start=self.start,
             cell=np.zeros(lanes, np.uint32),
             lane_goal=np.zeros(lanes, np.uint32),
             starts=np.zeros((lanes, BLOCK), np.uint32),
@@ -103,31 +107,50 @@ def neighbours(size: int) -> NDArray[np.uint32]:
 
 
 @lean
-def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
+def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
     """Learns for that many blocks of steps in every lane, or until the batch is done.
 
-    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 4), td_var f8 (B, S, 4):
-    each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called
-    again it goes on where it stopped.
+    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 4), td_var f8 (B, S, 4), an Evaluation, a
+    Choosing: each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called again it
+    goes on where it stopped.
     """
     for _ in range(blocks):
         for lane in range(len(lanes.task)):
             if is_idle(tasks, lanes, lane):
                 take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
-                _place(world, tasks, lanes, lane)
+                _place(world, setting, tasks, lanes, lane, evaluation, choosing)
         count = lanes_in_use(tasks, lanes)
         for place in range(count):
             lane = lanes.order[place]
             task = lanes.task[lane]
             draw_block(tasks.dice[task], lanes.draws)
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane])
-        fours = count // 4 * 4
+        fours = count // 4 * 4 if choosing is None else 0
         for place in range(0, fours, 4):
             _learn_in_four(
-                lanes.order[place : place + 4], world, setting, tasks, lanes, potential, visits, td_var
+                lanes.order[place : place + 4],
+                world,
+                setting,
+                tasks,
+                lanes,
+                potential,
+                visits,
+                td_var,
+                evaluation,
             )
         for place in range(fours, count):
-            _learn_in_one(lanes.order[place], world, setting, tasks, lanes, potential, visits, td_var)
+            _learn_in_one(
+                lanes.order[place],
+                world,
+                setting,
+                tasks,
+                lanes,
+                potential,
+                visits,
+                td_var,
+                evaluation,
+                choosing,
+            )
         for place in range(count):
             lane = lanes.order[place]
             first = tasks.episode[lanes.task[lane]]
@@ -138,7 +161,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
 
 
 @inner
-def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var):
+def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var, evaluation):
     """A block of steps in four lanes: while one waits for its last step, the others go on."""
     alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
     a, b, c, d = four[0], four[1], four[2], four[3]
@@ -159,32 +182,80 @@ def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var
     cell_a, cell_b, cell_c, cell_d = world.cell[a], world.cell[b], world.cell[c], world.cell[d]
     time_a, time_b, time_c, time_d = lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d]
     for step in range(BLOCK):
-        cell_a = _step(choices_a[step], cell_a, table_a, moves, alpha, gamma, potential, visits, td_var)
-        cell_b = _step(choices_b[step], cell_b, table_b, moves, alpha, gamma, potential, visits, td_var)
-        cell_c = _step(choices_c[step], cell_c, table_c, moves, alpha, gamma, potential, visits, td_var)
-        cell_d = _step(choices_d[step], cell_d, table_d, moves, alpha, gamma, potential, visits, td_var)
+        cell_a = _step(
+            choices_a[step] | table_a.ties[cell_a],
+            cell_a,
+            table_a,
+            moves,
+            alpha,
+            gamma,
+            potential,
+            visits,
+            td_var,
+        )
+        cell_b = _step(
+            choices_b[step] | table_b.ties[cell_b],
+            cell_b,
+            table_b,
+            moves,
+            alpha,
+            gamma,
+            potential,
+            visits,
+            td_var,
+        )
+        cell_c = _step(
+            choices_c[step] | table_c.ties[cell_c],
+            cell_c,
+            table_c,
+            moves,
+            alpha,
+            gamma,
+            potential,
+            visits,
+            td_var,
+        )
+        cell_d = _step(
+            choices_d[step] | table_d.ties[cell_d],
+            cell_d,
+            table_d,
+            moves,
+            alpha,
+            gamma,
+            potential,
+            visits,
+            td_var,
+        )
         time_a += 1
         time_b += 1
         time_c += 1
         time_d += 1
         if cell_a == goal_a or time_a == horizon:
-            cell_a = _end(a, time_a, cell_a == goal_a, world, setting, tasks, lanes, visits, td_var)
+            cell_a = _end(
+                a, time_a, cell_a == goal_a, world, setting, tasks, lanes, visits, td_var, evaluation, None
+            )
             time_a = 0
         if cell_b == goal_b or time_b == horizon:
-            cell_b = _end(b, time_b, cell_b == goal_b, world, setting, tasks, lanes, visits, td_var)
+            cell_b = _end(
+                b, time_b, cell_b == goal_b, world, setting, tasks, lanes, visits, td_var, evaluation, None
+            )
             time_b = 0
         if cell_c == goal_c or time_c == horizon:
-            cell_c = _end(c, time_c, cell_c == goal_c, world, setting, tasks, lanes, visits, td_var)
+            cell_c = _end(
+                c, time_c, cell_c == goal_c, world, setting, tasks, lanes, visits, td_var, evaluation, None
+            )
             time_c = 0
         if cell_d == goal_d or time_d == horizon:
-            cell_d = _end(d, time_d, cell_d == goal_d, world, setting, tasks, lanes, visits, td_var)
+            cell_d = _end(
+                d, time_d, cell_d == goal_d, world, setting, tasks, lanes, visits, td_var, evaluation, None
+            )
             time_d = 0
     world.cell[a], world.cell[b], world.cell[c], world.cell[d] = cell_a, cell_b, cell_c, cell_d
     lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d] = time_a, time_b, time_c, time_d
 
 
 @inner
-def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var):
+def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
     """A block of steps in one lane."""
     alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
     own, choices, moves, goal = (
@@ -195,10 +266,16 @@ def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var)
     )
     cell, time = world.cell[lane], lanes.time[lane]
     for step in range(BLOCK):
-        cell = _step(choices[step], cell, own, moves, alpha, gamma, potential, visits, td_var)
+        if choosing is None:
+            choice = choices[step] | own.ties[cell]
+        else:
+            choice = followed(choosing, lane, choices[step], own.ties[cell], cell)
+        cell = _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var)
         time += 1
         if cell == goal or time == horizon:
-            cell = _end(lane, time, cell == goal, world, setting, tasks, lanes, visits, td_var)
+            cell = _end(
+                lane, time, cell == goal, world, setting, tasks, lanes, visits, td_var, evaluation, choosing
+            )
             time = 0
     world.cell[lane], lanes.time[lane] = cell, time
 
@@ -206,7 +283,6 @@ def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var)
 @inlined
 def _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var):
     """One step of Q-learning: the cell it leads to. The row, ties and tallies are brought up to date."""
-    choice = choice | own.ties[cell]
     action = ACTIONS[choice]
     after = moves[4 * cell + DIRECTIONS[choice]]
     update(own, cell, action, after, alpha, gamma, potential, visits, td_var)
@@ -214,24 +290,42 @@ def _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var):
 
 
 @inlined
-def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var):
-    """Notes an episode's length; the cell where the next one starts."""
-    episode = lanes.ended[lane]
-    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
-    lanes.ended[lane] = episode + 1
-    if episode + 1 == setting.episodes:
-        leave(tasks, lanes, lane, visits, td_var)
+def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
+    """Notes an episode's end, with all that hangs on it; the cell where the next one starts."""
+    episode = record_end(length, reached, setting, tasks, lanes, lane, visits, td_var)
+    if evaluation is not None and evaluation_due(evaluation, episode + 1, setting.episodes):
+        _evaluate(world, setting, lanes, lane, episode + 1, evaluation)
+    if choosing is not None:
+        learn_of_episode(choosing, lane, length, reached, setting.gamma)
     return world.starts[lane, episode % BLOCK]
 
 
 @inner
-def _place(world, tasks, lanes, lane):
+def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
     """Gets a task's goal and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
     make_terminal(lanes.rows[lane], world.goal[task])
     world.lane_goal[lane] = world.goal[task]
     world.cell[lane] = _start(world, tasks, task)
     _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
+    if evaluation is not None:
+        _evaluate(world, setting, lanes, lane, 0, evaluation)
+    if choosing is not None:
+        begin(choosing, lane, task)
+
+
+@inner
+def _evaluate(world, setting, lanes, lane, ended, evaluation):
+    """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes."""
+    task, ties = lanes.task[lane], lanes.ties[lane]
+    dice, slips = evaluation.dice[task], world.slips[task]
+    cell, goal, length = np.uint32(world.target_start), world.lane_goal[lane], 0
+    while cell != goal and length < setting.horizon:
+        choice = greedy_choice(draw(dice), slips[0], slips[1], slips[2]) | ties[cell]
+        cell = world.neighbours[4 * cell + DIRECTIONS[choice]]
+        length += 1
+    evaluation.steps[task, ended // evaluation.every] = length
+    evaluation.reached[task, ended // evaluation.every] = cell == goal
 
 
 @inner

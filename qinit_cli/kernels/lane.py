@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qinit_cli.arrays import Floats
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.vectors import add_to_entry
 
@@ -21,6 +22,8 @@ BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks ch
 ROW = 8
 WORTH, WORTH_OF_POTENTIAL, POTENTIAL = 4, 5, 6  # places in a row after the values
 TD_VAR = 4  # place in a row of tallies after the visits
+CACHE_LINE = 64
+NEVER = 1 << 62  # episodes: a lane without a task never comes to its last
 TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 
 
@@ -47,6 +50,15 @@ class Tasks(NamedTuple):
     reached: Any  # i8 (B, bins)
 
 
+class Evaluation(NamedTuple):
+    """Greedy episodes without learning: one before the first episode, then one after every `every`-th."""
+
+    every: int
+    dice: Any  # u8 (B, 4)
+    steps: Any  # i8 (B, 1 + episodes // every)
+    reached: Any  # i8 (B, 1 + episodes // every)
+
+
 class Lanes(NamedTuple):
     """Working memory, L lanes. Tables have a state more: families whose goal is no state of theirs put it
     there."""
@@ -63,6 +75,33 @@ class Lanes(NamedTuple):
     time: Any  # i8 (L,) steps in the current episode
     ended: Any  # i8 (L,) episodes of the task that have ended
     lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
+
+
+def new_lanes(count: int, states: int) -> Lanes:
+    """Lanes that nobody has learned in."""
+    places = (states + 1) * ROW
+    visits = _aligned(count, places).view(np.int64)
+    return Lanes(
+        task=np.full(count, -1, np.int64),
+        order=np.arange(count),
+        following=np.zeros(1, np.int64),
+        rows=_aligned(count, places),
+        ties=np.zeros((count, states + 1), np.uint8),
+        visits=visits,
+        td_var=visits.view(np.float64),
+        draws=np.zeros(BLOCK, np.uint64),
+        choices=np.zeros((count, BLOCK), np.uint16),
+        time=np.zeros(count, np.int64),
+        ended=np.full(count, NEVER),
+        lengths=np.zeros((count, BLOCK), np.int64),
+    )
+
+
+def _aligned(rows: int, columns: int) -> Floats:
+    """Zeros that begin on a cache line, so that a row of eight is one."""
+    memory = np.zeros(rows * columns + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    return memory[first : first + rows * columns].reshape(rows, columns)
 
 
 class Table(NamedTuple):
@@ -181,6 +220,23 @@ def update(own, state, action, after, alpha, gamma, potential, visits, td_var):
     if td_var is not None:
         spread = own.td_var[row + TD_VAR + action]
         own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
+
+
+@inlined
+def record_end(length, reached, setting, tasks, lanes, lane, visits, td_var):
+    """Notes an episode's length, and lets a task whose last it was leave its results; how many have ended before it."""
+    episode = lanes.ended[lane]
+    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
+    lanes.ended[lane] = episode + 1
+    if episode + 1 == setting.episodes:
+        leave(tasks, lanes, lane, visits, td_var)
+    return episode
+
+
+@inlined
+def evaluation_due(evaluation, ended, episodes):
+    """True if a greedy episode follows the first `ended` ones."""
+    return ended % evaluation.every == 0 and ended <= episodes
 
 
 @inner

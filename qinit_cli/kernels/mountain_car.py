@@ -15,21 +15,23 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.kernels.choices import ACTIONS, SLIPS, decide
+from qinit_cli.kernels.choices import ACTIONS, SLIPS, decide, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, lean
 from qinit_cli.kernels.cosine import cosine
-from qinit_cli.kernels.dice import Words, draw_block, slip_limit, unit
+from qinit_cli.kernels.dice import Words, draw, draw_block, slip_limit, unit
 from qinit_cli.kernels.lane import (
     BLOCK,
     Table,
     end_block,
+    evaluation_due,
     is_idle,
     lanes_in_use,
-    leave,
     make_terminal,
+    record_end,
     take,
     update,
 )
+from qinit_cli.kernels.policies import begin, followed, learn_of_episode
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.learning import Learning
 
@@ -49,7 +51,8 @@ class World(NamedTuple):
     eta: Any  # f8 (B,) push of a task
     hill: float
     bins: int
-    start: int  # ANYWHERE, POINT or VALLEY
+    start: int  # of episodes: ANYWHERE, POINT or VALLEY
+    target_start: int  # of evaluation
     noise: float  # standard deviation of a push that is drawn anew every step
     noise_dice: Any  # u8 (B, 4), or None if pushes belong to tasks
     position: Any  # f8 (L,)
@@ -99,11 +102,13 @@ class MountainCars:
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
         gusty = self.noise > 0
+        target_start = POINT if self.start == "point" else VALLEY
         world = World(
             eta=np.ascontiguousarray(self.eta, np.float64),
             hill=float(self.hill),
             bins=self.bins,
-            start=ANYWHERE if learning.start == "anywhere" else POINT if self.start == "point" else VALLEY,
+            start=ANYWHERE if learning.start == "anywhere" else target_start,
+            target_start=target_start,
             noise=float(self.noise),
             noise_dice=self.noise_dice.copy() if gusty and self.noise_dice is not None else None,
             position=np.full(lanes, -0.5),
@@ -167,18 +172,18 @@ def _between(number, low, high):
 
 
 @lean
-def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
+def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
     """Learns for that many blocks of steps in every lane, or until the batch is done.
 
-    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 3), td_var f8 (B, S, 3):
-    each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called
-    again it goes on where it stopped.
+    Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 3), td_var f8 (B, S, 3), an
+    Evaluation, a Choosing: each may be None, and then costs nothing. Lanes whose task is done take the next one
+    of the batch. Called again it goes on where it stopped.
     """
     for _ in range(blocks):
         for lane in range(len(lanes.task)):
             if is_idle(tasks, lanes, lane):
                 take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
-                _place(world, tasks, lanes, lane)
+                _place(world, setting, tasks, lanes, lane, evaluation, choosing)
         count = lanes_in_use(tasks, lanes)
         if count == 0:
             return
@@ -188,7 +193,19 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, NO_SLIP, lanes.choices[lane])
             _draw_gusts(lanes.task[lane], lane, world, world.noise_dice)
         for first in range(0, len(lanes.task), EIGHT):
-            _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, world.gusts)
+            _learn_in_eight(
+                first,
+                world,
+                setting,
+                tasks,
+                lanes,
+                potential,
+                visits,
+                td_var,
+                world.gusts,
+                evaluation,
+                choosing,
+            )
         for place in range(count):
             lane = lanes.order[place]
             first = tasks.episode[lanes.task[lane]]
@@ -197,7 +214,9 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var):
 
 
 @inner
-def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_var, gusts):
+def _learn_in_eight(
+    first, world, setting, tasks, lanes, potential, visits, td_var, gusts, evaluation, choosing
+):
     """A block of steps in eight lanes; what happens in those without a task is nobody's."""
     alpha, gamma, hill, bins = setting.alpha, setting.gamma, world.hill, np.float64(world.bins)
     goal, horizon = bins * bins, np.float64(setting.horizon)
@@ -218,7 +237,13 @@ def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_v
     time, eta, gravity = load_reals(world.time, first), load_reals(world.lane_eta, first), pull(position)
     for step in range(BLOCK):
         for lane in range(EIGHT):
-            actions[lane] = ACTIONS[choices[lane, step] | ties[lane, cells[lane]]]
+            tied = ties[lane, cells[lane]]
+            if choosing is None:
+                actions[lane] = ACTIONS[choices[lane, step] | tied]
+            else:
+                actions[lane] = ACTIONS[
+                    followed(choosing, first + lane, choices[lane, step], tied, cells[lane])
+                ]
         if gusts is not None:
             eta = load_reals(gusts, first * BLOCK + step * EIGHT)
         position, velocity = roll(position, velocity, _pushes(actions) + gravity, eta, hill)
@@ -239,7 +264,18 @@ def _learn_in_eight(first, world, setting, tasks, lanes, potential, visits, td_v
             store_reals(world.time, first, time)
             for lane in range(EIGHT):
                 if ended >> lane & 1:
-                    _end(first + lane, bits(done) >> lane & 1, world, setting, tasks, lanes, visits, td_var)
+                    _end(
+                        first + lane,
+                        bits(done) >> lane & 1,
+                        world,
+                        setting,
+                        tasks,
+                        lanes,
+                        visits,
+                        td_var,
+                        evaluation,
+                        choosing,
+                    )
             position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
             time, gravity = load_reals(world.time, first), pull(position)
     store_reals(world.position, first, position)
@@ -263,14 +299,14 @@ def _pushes(actions):
 
 
 @inlined
-def _end(lane, reached, world, setting, tasks, lanes, visits, td_var):
-    """Notes an episode's length and puts the car where the next one starts."""
-    episode = lanes.ended[lane]
+def _end(lane, reached, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
+    """Notes an episode's end, with all that hangs on it, and puts the car where the next one starts."""
     length = np.int64(world.time[lane])
-    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
-    lanes.ended[lane] = episode + 1
-    if episode + 1 == setting.episodes:
-        leave(tasks, lanes, lane, visits, td_var)
+    episode = record_end(length, reached, setting, tasks, lanes, lane, visits, td_var)
+    if evaluation is not None and evaluation_due(evaluation, episode + 1, setting.episodes):
+        _evaluate(world, setting, lanes, lane, episode + 1, evaluation, world.gusts)
+    if choosing is not None:
+        learn_of_episode(choosing, lane, length, reached, setting.gamma)
     _put(
         lane, world.start_position[lane, episode % BLOCK], world.start_velocity[lane, episode % BLOCK], world
     )
@@ -284,7 +320,7 @@ def _put(lane, position, velocity, world):
 
 
 @inner
-def _place(world, tasks, lanes, lane):
+def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
     """Gets a task's push and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
     make_terminal(lanes.rows[lane], world.bins * world.bins)
@@ -292,6 +328,27 @@ def _place(world, tasks, lanes, lane):
     position, velocity = _start(world.start, tasks.start_dice[task])
     _put(lane, position, velocity, world)
     _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
+    if evaluation is not None:
+        _evaluate(world, setting, lanes, lane, 0, evaluation, world.gusts)
+    if choosing is not None:
+        begin(choosing, lane, task)
+
+
+@inner
+def _evaluate(world, setting, lanes, lane, ended, evaluation, gusts):
+    """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes."""
+    task, ties, bins = lanes.task[lane], lanes.ties[lane], np.float64(world.bins)
+    dice, eta, length = evaluation.dice[task], world.eta[task], 0
+    position, velocity = _start(world.target_start, dice)
+    while not is_done(position, velocity) and length < setting.horizon:
+        choice = greedy_choice(draw(dice), NO_SLIP[0], NO_SLIP[1], NO_SLIP[2])
+        action = ACTIONS[choice | ties[np.int64(bin_of(position, velocity, bins))]]
+        if gusts is not None:
+            eta = _gusts(world.eta[task], world.noise, dice)[0]
+        position, velocity = move(position, velocity, PUSHES[action], eta, world.hill)
+        length += 1
+    evaluation.steps[task, ended // evaluation.every] = length
+    evaluation.reached[task, ended // evaluation.every] = is_done(position, velocity)
 
 
 @inner
@@ -317,14 +374,20 @@ def _start(start, dice):
 
 @inner
 def _draw_gusts(task, lane, world, noise_dice):
-    """Pushes for every step of a block, in place of the task's; Marsaglia's polar method, two at a time."""
+    """Pushes for every step of a block, in place of the task's."""
     if noise_dice is not None:
         first = lane // EIGHT * EIGHT * BLOCK + lane % EIGHT
         for step in range(0, BLOCK, 2):
-            square = 0.0
-            while square == 0.0 or square >= 1.0:
-                x, y = 2 * unit(noise_dice[task]) - 1, 2 * unit(noise_dice[task]) - 1
-                square = x * x + y * y
-            scale = world.noise * math.sqrt(-2 * math.log(square) / square)
-            world.gusts[first + step * EIGHT] = world.eta[task] + scale * x
-            world.gusts[first + (step + 1) * EIGHT] = world.eta[task] + scale * y
+            one, other = _gusts(world.eta[task], world.noise, noise_dice[task])
+            world.gusts[first + step * EIGHT], world.gusts[first + (step + 1) * EIGHT] = one, other
+
+
+@inlined
+def _gusts(eta, noise, dice):
+    """Two normal pushes around eta; Marsaglia's polar method."""
+    x, y, square = 0.0, 0.0, 0.0
+    while square == 0.0 or square >= 1.0:
+        x, y = 2 * unit(dice) - 1, 2 * unit(dice) - 1
+        square = x * x + y * y
+    scale = noise * math.sqrt(-2 * math.log(square) / square)
+    return eta + scale * x, eta + scale * y

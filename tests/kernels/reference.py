@@ -49,6 +49,9 @@ class Outcome:
     td_var: list[list[float]]
     steps: list[int] = field(default_factory=list)  # per episode
     reached: list[bool] = field(default_factory=list)
+    evaluation: list[tuple[int, bool]] = field(
+        default_factory=list
+    )  # length and reached of each greedy episode
 
 
 class Gridworld:
@@ -58,7 +61,7 @@ class Gridworld:
         self.size, self.goal, self.start, self.starts = size, goal, start, starts
         slip = (1.0 - p) / 3
         self.limits = [round(limit * 2**32) for limit in (p, p + slip, p + 2 * slip)]
-        self.states, self.actions, self.state = size * size, 4, 0
+        self.states, self.actions, self.state, self.target = size * size, 4, 0, 0
 
     def reset(self) -> None:
         if self.start is not None:
@@ -67,7 +70,10 @@ class Gridworld:
         cells = [cell for cell in range(self.states) if cell != self.goal]
         self.state = cells[(next(self.starts) >> 32) * len(cells) >> 32]
 
-    def step(self, draw: int, action: int) -> bool:
+    def reset_to_target(self, draws: Iterator[int]) -> None:
+        self.state = self.target
+
+    def step(self, draw: int, action: int, draws: Iterator[int] | None = None) -> bool:
         """True if the goal was entered."""
         direction = (action + sum(draw >> 32 >= limit for limit in self.limits)) % 4
         row, column = divmod(self.state, self.size)
@@ -78,27 +84,21 @@ class Gridworld:
         return self.state == self.goal
 
 
+@dataclass
 class MountainCar:
     """One mountain car; the table sees its bin."""
 
-    def __init__(
-        self,
-        bins: int,
-        eta: float,
-        hill: float,
-        start: str,
-        starts: Iterator[int],
-        gusts: Iterator[float] | None = None,
-    ) -> None:
-        self.bins, self.eta, self.hill, self.start, self.starts, self.gusts = (
-            bins,
-            eta,
-            hill,
-            start,
-            starts,
-            gusts,
-        )
-        self.states, self.actions, self.position, self.velocity = bins * bins, 3, -0.5, 0.0
+    bins: int
+    eta: float
+    hill: float
+    start: str  # "anywhere", or as target
+    starts: Iterator[int]
+    target: str = "point"  # or "valley": the target start
+    noise: float = 0.0
+    gusts: Iterator[float] | None = None  # pushes of every step, in place of eta
+
+    def __post_init__(self) -> None:
+        self.states, self.actions, self.position, self.velocity = self.bins**2, 3, -0.5, 0.0
 
     @property
     def state(self) -> int:
@@ -106,16 +106,22 @@ class MountainCar:
         return row * self.bins + min(int((self.velocity + 0.07) * (self.bins / 0.14)), self.bins - 1)
 
     def reset(self) -> None:
-        self.position, self.velocity = -0.5, 0.0
         if self.start == "anywhere":
             self.position = -1.2 + (0.5 + 1.2) * unit(next(self.starts))
             self.velocity = -0.07 + 0.14 * unit(next(self.starts))
-        elif self.start == "valley":
-            self.position = -0.6 + 0.2 * unit(next(self.starts))
+        else:
+            self.reset_to_target(self.starts)
 
-    def step(self, draw: int, action: int) -> bool:
-        """True if the flag was reached."""
-        eta = self.eta if self.gusts is None else next(self.gusts)
+    def reset_to_target(self, draws: Iterator[int]) -> None:
+        self.position, self.velocity = -0.5, 0.0
+        if self.target == "valley":
+            self.position = -0.6 + 0.2 * unit(next(draws))
+
+    def step(self, draw: int, action: int, draws: Iterator[int] | None = None) -> bool:
+        """True if the flag was reached; evaluation gives the draws that its pushes come from."""
+        eta = self.eta
+        if self.gusts is not None:
+            eta = next(self.gusts if draws is None else gusts(self.eta, self.noise, draws))
         pushed = eta if self.position >= self.hill else 0.0
         self.velocity += (action - 1) * 0.001 + cosine(3 * self.position) * -0.0025
         self.velocity = min(max(self.velocity, -0.07), 0.07)
@@ -174,18 +180,85 @@ def chosen(draw: int, values: list[float], exploration: int) -> int:
     return tied[(draw & 4095) * len(tied) >> 12]
 
 
-def learn(world, learning: Learning, table, dice: Iterator[int], potential=None) -> Outcome:
+class Choices:
+    """UCB1 over policies (K, S), one choice an episode."""
+
+    def __init__(
+        self, policies, draws: Iterator[int], gamma: float, c: float, psi0: float, rho: float, nu: float
+    ) -> None:
+        self.policies, self.draws, self.gamma, self.c, self.nu, self.rho = policies, draws, gamma, c, nu, rho
+        self.returns: list[list[float]] = [[] for _ in policies]
+        self.mean, self.first_psi = [0.0] * len(policies), psi0
+        self.choose()
+
+    def choose(self) -> None:
+        self.psi = self.first_psi
+        untried = [policy for policy, returns in enumerate(self.returns) if not returns]
+        if untried:
+            self.chosen = untried[(next(self.draws) >> 32) * len(untried) >> 32]
+            return
+        best = max(max(returns) for returns in self.returns)
+        k = sum(map(len, self.returns))
+        bounds = [
+            (mean / best if best > 0 else 0.0) + self.c * math.sqrt(2 * math.log(k) / len(returns))
+            for mean, returns in zip(self.mean, self.returns, strict=True)
+        ]
+        self.chosen = bounds.index(max(bounds))
+
+    def follows(self) -> bool:
+        follows = unit(next(self.draws)) < self.psi
+        self.psi *= self.nu
+        return follows
+
+    def episode_ended(self, length: int, reached: bool) -> None:
+        gained = self.gamma ** (length - 1) if reached else 0.0
+        self.returns[self.chosen].append(gained)
+        self.mean[self.chosen] += (gained - self.mean[self.chosen]) / len(self.returns[self.chosen])
+        self.first_psi *= self.rho
+        self.choose()
+
+
+def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
+    """Length of a greedy episode from the target start, and whether it reached the goal."""
+    world.reset_to_target(draws)
+    length, reached = 0, False
+    while not reached and length < horizon:
+        draw = next(draws)
+        reached = world.step(draw, chosen(draw, q[world.state], 0), draws)
+        length += 1
+    return length, reached
+
+
+def learn(
+    world,
+    learning: Learning,
+    table,
+    dice: Iterator[int],
+    potential=None,
+    every: int = 0,
+    evaluation: Iterator[int] | None = None,
+    choices: Choices | None = None,
+    explore_while_following: bool = False,
+) -> Outcome:
     """One task learned from start to end."""
     q = [[float(value) for value in row] for row in table]
     out = Outcome(q, [[0] * world.actions for _ in q], [[0.0] * world.actions for _ in q])
     exploration = round(learning.epsilon * 2**20)
-    for _ in range(learning.episodes):
+    for episode in range(learning.episodes + 1):
+        if every > 0 and episode % every == 0:
+            out.evaluation.append(evaluated(world, q, learning.horizon, evaluation))
+        if episode == learning.episodes:
+            break
         world.reset()
         length, reached = 0, False
         while not reached and length < learning.horizon:
             draw = next(dice)
             state = world.state
             action = chosen(draw, q[state], exploration)
+            if choices is not None and choices.follows():
+                explores = (draw >> 12 & 2**20 - 1) < exploration
+                if not (explores and explore_while_following):
+                    action = int(choices.policies[choices.chosen][state])
             reached = world.step(draw, action)
             length += 1
             target = 1.0 if reached else learning.gamma * max(q[world.state])
@@ -198,4 +271,6 @@ def learn(world, learning: Learning, table, dice: Iterator[int], potential=None)
             out.td_var[state][action] += 0.01 * (error * error - out.td_var[state][action])
         out.steps.append(length)
         out.reached.append(reached)
+        if choices is not None:
+            choices.episode_ended(length, reached)
     return out

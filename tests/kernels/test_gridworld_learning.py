@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, Watch, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.learning import Learning
 
@@ -26,7 +26,7 @@ def chance(seed: int, tasks: int) -> Chance:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return Chance(dice=dice.lane_seeds(streams(0)), starts=dice.seeds(streams(1)))
+    return Chance(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
 def part(given: Chance, tasks: slice | list[int]) -> Chance:
@@ -56,6 +56,54 @@ def expected(task: int, learning: Learning, start: Start, given: Chance) -> refe
         else np.atleast_2d(start.potential)[task % len(np.atleast_2d(start.potential))]
     )
     return reference.learn(world, learning, start.table, reference.in_lanes(given.dice[task]), phi)
+
+
+@pytest.mark.parametrize("learning", [EXPLORING, GREEDY], ids=["exploring", "greedy"])
+@pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
+def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, exploring: bool) -> None:
+    given, policies = chance(11, len(GOALS)), np.random.default_rng(3).integers(0, 4, (5, SIZE**2))
+    rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
+    start = Start(table(), None, Policies(policies, **rules, explore_while_following=exploring))
+    learned = learn(worlds(), learning, start, given, dataclasses.replace(ALL, evaluate_every=7), Watch())
+    for task in range(len(GOALS)):
+        starts, fixed = reference.xoshiro(given.starts[task]), 0 if learning.start == "fixed" else None
+        outcome = reference.learn(
+            reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), fixed, starts),
+            learning,
+            start.table,
+            reference.in_lanes(given.dice[task]),
+            every=7,
+            evaluation=reference.xoshiro(given.evaluation[task]),
+            choices=reference.Choices(
+                policies, reference.xoshiro(given.choices[task]), learning.gamma, **rules
+            ),
+            explore_while_following=exploring,
+        )
+        assert_same(learned, task, outcome)
+        np.testing.assert_array_equal(
+            learned.evaluation_steps[task], [length for length, _ in outcome.evaluation]
+        )
+        np.testing.assert_array_equal(
+            learned.evaluation_reached[task], [reached for _, reached in outcome.evaluation]
+        )
+
+
+def test_evaluation_changes_no_bit_of_what_is_learned_and_no_policies_are_plain_learning() -> None:
+    given = chance(1, len(GOALS))
+    plain = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch())
+    none = Start(table(), None, Policies(np.empty((0, SIZE**2), np.int64)))
+    watched = learn(worlds(), EXPLORING, none, given, dataclasses.replace(ALL, evaluate_every=60), Watch())
+    np.testing.assert_array_equal(watched.q, plain.q)
+    assert plain.evaluation_steps is None
+    assert watched.evaluation_steps is not None
+    assert watched.evaluation_steps.shape == (len(GOALS), 2)
+
+
+def test_policies_without_streams_are_refused() -> None:
+    bare = Chance(chance(1, len(GOALS)).dice, chance(1, len(GOALS)).starts)
+    start = Start(table(), None, Policies(np.zeros((2, SIZE**2), np.int64)))
+    with pytest.raises(ValueError, match="streams of their own"):
+        learn(worlds(), EXPLORING, start, bare, ALL, Watch())
 
 
 def assert_same(learned: Learned, task: int, outcome: reference.Outcome) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import count
 
@@ -11,7 +12,7 @@ import pytest
 from gymnasium.envs.classic_control import mountain_car as theirs
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, Watch, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
@@ -32,7 +33,9 @@ def streams(kind: int, tasks: int) -> list[np.random.SeedSequence]:
 
 
 def chance(tasks: int) -> Chance:
-    return Chance(dice=dice.lane_seeds(streams(0, tasks)), starts=dice.seeds(streams(1, tasks)))
+    return Chance(
+        dice.lane_seeds(streams(0, tasks)), *(dice.seeds(streams(kind, tasks)) for kind in (1, 3, 4))
+    )
 
 
 def table() -> np.ndarray:
@@ -61,28 +64,46 @@ def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
     )
     for task, eta in enumerate(ETA):
         kind = "anywhere" if learning.start == "anywhere" else start
-        world = reference.MountainCar(BINS, float(eta), 0.0, kind, reference.xoshiro(given.starts[task]))
+        starts = reference.xoshiro(given.starts[task])
+        world = reference.MountainCar(BINS, float(eta), 0.0, kind, starts, target=start)
         outcome = reference.learn(world, learning, table(), reference.in_lanes(given.dice[task]), phi)
         assert_same(learned, task, outcome, learning)
 
 
-def test_pushes_drawn_every_step_equal_the_plain_ones() -> None:
+def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones() -> None:
     given, noise_dice = chance(3), dice.seeds(streams(2, 3))
-    cars = MountainCars(ETA[:3], hill=-0.4, bins=BINS, noise=0.01, noise_dice=noise_dice)
-    learned = learn(cars, EXPLORING, Start(table()), given, ALL, Watch())
+    cars = MountainCars(ETA[:3], hill=-0.4, bins=BINS, start="valley", noise=0.01, noise_dice=noise_dice)
+    policies = np.random.default_rng(3).integers(0, 3, (4, BINS**2))
+    start = Start(table(), None, Policies(policies))
+    learned = learn(cars, EXPLORING, start, given, dataclasses.replace(ALL, evaluate_every=6), Watch())
     for task, eta in enumerate(ETA[:3]):
-        gusts = reference.gusts(float(eta), 0.01, reference.xoshiro(noise_dice[task]))
         starts = reference.xoshiro(given.starts[task])
-        world = reference.MountainCar(BINS, float(eta), -0.4, "anywhere", starts, gusts)
-        outcome = reference.learn(world, EXPLORING, table(), reference.in_lanes(given.dice[task]))
+        winds = reference.gusts(float(eta), 0.01, reference.xoshiro(noise_dice[task]))
+        world = reference.MountainCar(BINS, float(eta), -0.4, "anywhere", starts, "valley", 0.01, winds)
+        choice_draws = reference.xoshiro(given.choices[task])
+        outcome = reference.learn(
+            world,
+            EXPLORING,
+            table(),
+            reference.in_lanes(given.dice[task]),
+            every=6,
+            evaluation=reference.xoshiro(given.evaluation[task]),
+            choices=reference.Choices(policies, choice_draws, EXPLORING.gamma, 0.1, 1.0, 0.99, 0.98),
+        )
         assert_same(learned, task, outcome, EXPLORING)
+        np.testing.assert_array_equal(
+            learned.evaluation_steps[task], [length for length, _ in outcome.evaluation]
+        )
+        np.testing.assert_array_equal(
+            learned.evaluation_reached[task], [reached for _, reached in outcome.evaluation]
+        )
 
 
 def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
     given = chance(len(ETA))
     whole = learn(MountainCars(ETA, bins=BINS), EXPLORING, Start(table()), given, ALL, Watch(), lanes=16)
     for task in (0, 9):
-        alone = Chance(dice=given.dice[[task]], starts=given.starts[[task]])
+        alone = Chance(given.dice[[task]], given.starts[[task]])
         single = learn(MountainCars(ETA[[task]], bins=BINS), EXPLORING, Start(table()), alone, ALL, Watch())
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(single, name)[0], getattr(whole, name)[task])
