@@ -243,7 +243,7 @@ def test_the_map_puts_each_value_where_its_state_is() -> None:
     assert lines[10].startswith("  |??")
     assert lines[0].strip() == "row down, col across"
     assert lines[11] == "   0 2 4 6 8"[:3] + "0   2   4   6   8"
-    assert "? unknown" in lines[12]
+    assert lines[-1].strip() == "? unknown"
 
 
 def test_the_ramp_rises_with_the_value() -> None:
@@ -256,10 +256,10 @@ def test_values_far_apart_get_a_logarithmic_scale() -> None:
     values = np.array([[1e-6, 1e-3, 1.0]])
     lines = _plain(heatmap(values, MapAxis("r", [0]), MapAxis("c", [0, 1, 2]), ASCII))
     assert lines[1].split("|")[1] == "  ++@@"
-    assert "(log scale)" in lines[-1]
+    assert lines[-1].strip() == "log scale"
 
 
-@pytest.mark.parametrize("width", [80, 60, 24])
+@pytest.mark.parametrize("width", [80, 60, 30])
 @pytest.mark.parametrize("shape", [(30, 30), (1, 1), (200, 7), (7, 200), (1000, 1000)])
 @pytest.mark.parametrize("colour", [False, True])
 def test_maps_of_any_size_fit(shape: tuple[int, int], width: int, colour: bool) -> None:
@@ -269,7 +269,7 @@ def test_maps_of_any_size_fit(shape: tuple[int, int], width: int, colour: bool) 
         for name, length in zip("rc", shape, strict=True)
     ]
     lines = heatmap(values, *axes, Sheet(width, colour, not colour))
-    assert max(line.cell_len for line in lines if "mean of" not in str(line)) <= width + 24 * (width == 24)
+    assert max(line.cell_len for line in lines) <= width
     assert len(lines) <= 40
 
 
@@ -281,7 +281,7 @@ def test_coarse_maps_show_means_of_what_is_known() -> None:
     values[2:4, 0] = np.nan
     axes = [MapAxis(name, list(range(64))) for name in "rc"]
     lines = _plain(heatmap(values, *axes, ASCII))
-    assert lines[-1].strip() == "each cell is the mean of 2 x 1 entries"
+    assert lines[-1].strip() == "a cell: mean of 2 x 1"
     assert lines[1].split("|")[1][:3] == "@+ "
     assert lines[2].split("|")[1][:3] == "?  "
 

@@ -161,15 +161,15 @@ def _scale(low: float, high: float, log: bool, gaps: bool, layout: _Layout, shee
     """What the shades mean, and how coarse the map is."""
     from rich.text import Text
 
+    steps = max(len(RAMP), min(2 * len(RAMP), sheet.width - 18))  # room for both ends
     scale = Text(f"  {label(low)} ")
-    for step in range(20):
-        share = (step + 0.5) / 20
+    for step in range(steps):
+        share = (step + 0.5) / steps
         scale.append(*((" ", f"on {shade(share)}") if sheet.colour else (_character(share), "")))
     scale.append(f" {label(high)}")
-    if log:
-        scale.append("  (log scale)")
-    if gaps:
-        scale.append(f"  {UNKNOWN} unknown")
-    if layout.rows * layout.columns == 1:
-        return [scale]
-    return [scale, Text(f"  each cell is the mean of {layout.rows} x {layout.columns} entries")]
+    notes = {
+        "log scale": log,
+        f"{UNKNOWN} unknown": gaps,
+        f"a cell: mean of {layout.rows} x {layout.columns}": layout.rows * layout.columns > 1,
+    }
+    return [scale, *(Text(f"  {note}") for note, holds in notes.items() if holds)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-LEAST_WIDTH = 24  # columns; a picture in fewer would be all margin
+LEAST_WIDTH = 30  # columns; a picture in fewer would be all margin
 
 # matplotlib's viridis at 0, 1/8, ..., 1: even steps of lightness, and told apart by colour-blind readers
 VIRIDIS = (
