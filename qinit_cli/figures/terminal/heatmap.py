@@ -153,7 +153,9 @@ def _across(columns: MapAxis, layout: _Layout, count: int) -> str:
     every = max(-(-(widest + 2) // layout.width), -(-count // 6))
     line = ""
     for position in range(0, count, every):
-        line = line.ljust(position * layout.width) + columns.at(position * layout.columns)
+        text = columns.at(position * layout.columns)
+        if position == 0 or position * layout.width + len(text) <= count * layout.width:
+            line = line.ljust(position * layout.width) + text
     return line
 
 
