@@ -112,7 +112,7 @@ def test_settings_that_cannot_be_meant_are_refused_before_anything_is_written(
 def test_too_few_sources_say_how_to_get_more(here: Here) -> None:
     made = here("train-sources", "gridworld", "--size", 4, "--tasks", 1, "--learner", "exact", "-q")
     sentence = _refused(here("fit", made.path), 4)
-    assert "holds 1 source task; a fit needs at least 2" in sentence
+    assert "a fit needs at least 2" in sentence
     assert "--tasks" in sentence
 
 

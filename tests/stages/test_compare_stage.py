@@ -25,6 +25,7 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
     return Run(
         name=name or f"{method}-run",
         method=method,
+        label=method,
         spec=settings,
         steps=np.asarray(steps, np.int32),
         reached=np.asarray(reached, bool),
