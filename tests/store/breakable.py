@@ -70,6 +70,21 @@ class ShortWrites(Unflushed):
         return super().write(descriptor, path, content[:7], offset)
 
 
+class Liar(Unflushed):
+    """Says that all went well and changes the last byte of write number `at` to the file that begins with `name`."""
+
+    def __init__(self, name, at):
+        self.name = name
+        self.at = at
+
+    def write(self, descriptor, path, content, offset):
+        if path.name.startswith(self.name):
+            self.at -= 1
+            if self.at == -1:
+                content = bytes(content[:-1]) + bytes([content[-1] ^ 1])
+        return super().write(descriptor, path, content, offset)
+
+
 class Full(Disk):
     """Has room for `room` bytes, then the disk is full."""
 

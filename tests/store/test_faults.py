@@ -5,9 +5,10 @@ from __future__ import annotations
 import errno
 import os
 
+import h5py
 import numpy as np
 import pytest
-from breakable import Breakable, Full, Killed, ShortWrites, moments, operations_of
+from breakable import Breakable, Full, Killed, Liar, ShortWrites, moments, operations_of
 from fakes import LIGHT, make_sources, rows_for, spec_for, statics_for
 
 from store.disk import Disk
@@ -216,3 +217,32 @@ def test_an_interrupted_save_can_be_made_again_at_once(path, straight):
         target = path.with_name(f"{at}.h5")
         save_twice_over(target, Breakable(at, trouble=KeyboardInterrupt()))
         assert describe(target).content_sha256 == straight
+
+
+def test_a_final_file_that_does_not_read_back_is_not_published(path, straight):
+    writes = operations_of(make(path.with_name("count.h5"))).count(("write", "whole.tmp"))
+    reasons = []
+    for at in range(0, writes, 3):
+        target = path.with_name(f"{at}.h5")
+        try:
+            make(target)(Liar("whole", at))
+        except SystemFailed as failure:
+            reasons.append(str(failure))
+        else:
+            assert describe(target).content_sha256 == straight  # it was written over, or is padding
+    assert len(reasons) > 5
+    assert all("does not read back as it was written; is the disk sound?" in reason for reason in reasons)
+
+
+def test_a_part_whose_numbers_changed_on_the_disk_is_set_aside(path, straight):
+    with open_work(path, LIGHT, spec_for()) as work:
+        work.save(rows_for([0, 1, 2], LIGHT), np.arange(3))
+        part = next(work_folder(path).glob("part-*"))
+    with h5py.File(part) as file:
+        place = file["steps"].id.get_chunk_info(0).byte_offset
+    content = bytearray(part.read_bytes())
+    content[place + 2] ^= 1
+    part.write_bytes(content)
+    with open_work(path, LIGHT, spec_for()) as work:
+        assert work.saved.tolist() == []
+        assert work.set_aside == 3
