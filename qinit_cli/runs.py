@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.specs import family_of
+from qinit_cli.environments import family_of
 
 if TYPE_CHECKING:
     import numpy as np

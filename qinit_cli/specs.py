@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.errors import NotAllowed
+from qinit_cli.environments import Family
 from qinit_cli.learning import Learning
 from qinit_cli.methods import Method
 from qinit_cli.methods.plus import Plus, initialisations
@@ -67,15 +66,6 @@ def run(method: Method, targets: TargetTasks, tasks: int, inputs: list[str]) -> 
         "inputs": inputs,
         "keep_q": targets.keep_q,
     }
-
-
-def family_of(spec: Spec) -> Family:
-    """The family that a spec of sources or of a run describes; NotAllowed where this qinit does not know it."""
-    settings = dict(spec["family"])
-    name = settings.pop("name")
-    if name not in FAMILIES:
-        raise NotAllowed(f"the family {name} is not installed here; known are {', '.join(FAMILIES)}")
-    return FAMILIES[name](**settings)
 
 
 def _method(method: Method) -> Spec:

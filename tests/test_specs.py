@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from qinit_cli import specs
-from qinit_cli.environments import FAMILIES
+from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
@@ -23,12 +23,12 @@ TARGETS = TargetTasks(Gridworld(), Gridworld.target_learning, 0, False)
 def test_a_family_survives_being_stored(name: str) -> None:
     family = FAMILIES[name]()
     spec = specs.sources(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
-    assert specs.family_of(json.loads(json.dumps(spec))) == family
+    assert family_of(json.loads(json.dumps(spec))) == family
 
 
 def test_a_family_nobody_knows_is_refused_by_name() -> None:
     with pytest.raises(NotAllowed, match="the family maze is not installed here; known are gridworld"):
-        specs.family_of({"family": {"name": "maze"}})
+        family_of({"family": {"name": "maze"}})
 
 
 @pytest.mark.parametrize(
@@ -79,6 +79,6 @@ def test_episodes_and_exploration_are_no_settings_of_exact_sources() -> None:
 def test_a_fit_keeps_its_sources_settings_so_that_it_travels_alone() -> None:
     source = specs.sources(SOURCES, 10)
     spec = specs.fit(source, ["hash"], FitOptions(estimator="umvue", library=3))
-    assert specs.family_of(spec["sources"]) == SOURCES.family
+    assert family_of(spec["sources"]) == SOURCES.family
     assert spec["sources"]["learning"] == source["learning"]
     assert (spec["inputs"], spec["estimator"], spec["library"]) == (["hash"], "umvue", 3)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 SCHEMA = "qinit.compare/1"
 MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
-CONDITIONAL = "95 % bootstrap intervals over targets, conditional on this source set, uncorrected"
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,7 @@ def compare(
         TableColumn("method"),
         TableColumn(comparing.metric, comparing.metric, 4, interval=True),
         TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
+        TableColumn("p", "p", 4, dispensable=True),
         TableColumn("jumpstart", "first 10", 4, interval=True, bounds_shown=False, dispensable=True),
         TableColumn("asymptotic", "last 10%", 4, interval=True, bounds_shown=False, dispensable=True),
         TableColumn("regret", "regret", 4, interval=True, bounds_shown=False, dispensable=True),
@@ -86,13 +86,18 @@ def compare(
         for comparison in comparisons:
             plain = _rows(comparison, comparing.metric)
             rows = [_marked(row) for row in plain]
-            marks = [f"{MARKS[remark]} {remark}" for remark in MARKS if any(row["remark"] == remark for row in plain)]
-            caption = "\n".join([CONDITIONAL, *marks])
+            marks = [
+                f"{MARKS[remark]} {remark}"
+                for remark in MARKS
+                if any(row["remark"] == remark for row in plain)
+            ]
+            caption = "\n".join([comparison.intervals, *marks])
             print_table(SCHEMA, columns[:-1], rows, tabular, display, title=comparison.title, caption=caption)
         return
     rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]
-    everything = [TableColumn("targets"), *columns]
-    print_table(SCHEMA, everything, rows, tabular, display, extra={"intervals": CONDITIONAL})
+    everything = [TableColumn("targets"), TableColumn("sets"), *columns]
+    told = {comparison.title: comparison.intervals for comparison in comparisons}
+    print_table(SCHEMA, everything, rows, tabular, display, extra={"intervals": told})
 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
@@ -113,8 +118,10 @@ def _rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
         {
             "targets": comparison.title,
             "method": row.label,
+            "sets": row.sets,
             **_bounds(metric, row.average),
             **_bounds("difference", row.difference),
+            "p": row.p,
             **_bounds("jumpstart", row.jumpstart),
             **_bounds("asymptotic", row.asymptotic),
             **_bounds("regret", row.regret),

@@ -39,6 +39,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.making import Made, Tally, provenance, say_result, target_path
     from qinit_cli.commands.train_sources import action_axis
+    from qinit_cli.environments import family_of
     from qinit_cli.stages import fit as stage
     from store.reading import describe, open_artefact
     from store.schema import fit_schema
@@ -50,7 +51,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> 
             raise NotAllowed(
                 f"{path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
             )
-        family = specs.family_of(source.spec)
+        family = family_of(source.spec)
         selection = _selection(source, family, fitting)
         count = int(selection.kept.sum())
         spec = specs.fit(source.spec, [source.content_sha256], fitting)

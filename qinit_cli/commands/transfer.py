@@ -11,7 +11,7 @@ import typer
 from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
-from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option, options
 from qinit_cli.learning import Learning
@@ -119,13 +119,12 @@ class Knowledge:
         """The fit at `path`, verified."""
         import math
 
-        from qinit_cli import specs
         from qinit_cli.fitted import Fit
         from store.reading import open_artefact
 
         with open_artefact(path, "fit") as artefact:
             sources = artefact.spec["sources"]
-            family = specs.family_of(sources)
+            family = family_of(sources)
             names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
             fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])

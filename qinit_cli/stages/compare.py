@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+from qinit_cli.environments import family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
 from qinit_cli.seeding import Stream, generator
-from qinit_cli.specs import family_of
+from qinit_cli.stages.source_sets import Entry, Group, grouped
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from qinit_cli.arrays import Floats
 
 Metric = Literal["return", "success", "steps"]
 
+FEW_SETS = 5  # below, the intervals over source sets cover less than they say
+
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over targets and its 95 % interval; NaN bounds where there is one target."""
+    """A mean and its 95 % interval; NaN bounds where there is one unit only."""
 
     mean: float
     low: float
@@ -30,24 +34,28 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Row:
-    """One run against the baseline."""
+    """One method against the baseline."""
 
     label: str
     remark: str  # what a reader must know of the method
+    sets: int  # source sets it was run from
     average: Estimate  # over all episodes
     jumpstart: Estimate  # over the first 10 episodes
     asymptotic: Estimate  # over the last tenth
     steps: float  # mean of min(steps, horizon)
     success: float  # share of episodes that reach the goal
     difference: Estimate | None  # of averages, paired on the same targets; None without a baseline
+    p: float | None  # of the difference, sign-flip permutation, Holm over the rows
     regret: Estimate | None  # to what is possible, see `attainable`; None where that is not known
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Runs that met the same targets."""
+    """Methods that met the same targets."""
 
     title: str
+    intervals: str  # what they are over, in words
+    sets: int
     targets: int
     episodes: int
     rows: tuple[Row, ...]
@@ -55,13 +63,12 @@ class Comparison:
 
 
 def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
-    """One comparison per set of shared targets, in order of appearance; `baseline` is a method or an artefact's name."""
-    groups: dict[str, list[Run]] = {}
-    for run in runs:
-        met = groups.setdefault(run.target_digest, [])
-        if run.name not in {other.name for other in met}:
-            met.append(run)
-    return [_comparison(group, baseline, metric) for group in groups.values()]
+    """One comparison per group of runs that may be compared, in order of appearance.
+
+    `baseline` is a method's label or an artefact's name. One source set: intervals over targets. Several: over sets and
+    targets, both resampled where the targets are shared, targets within sets where each has its own.
+    """
+    return [_comparison(group, baseline, metric) for group in grouped(runs)]
 
 
 def curve(run: Run, metric: Metric) -> Floats:
@@ -78,51 +85,27 @@ def curve(run: Run, metric: Metric) -> Floats:
 
 
 def labels(runs: Sequence[Run]) -> list[str]:
-    """Each run's method; where one stands there twice, with the end of the artefact's name."""
-    count = Counter(run.label for run in runs)
-    return [run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}" for run in runs]
+    """What each run of one group is called there."""
+    named = {
+        run.name: entry.label for group in grouped(runs) for entry in group.entries for run in entry.runs
+    }
+    return [named[run.name] for run in runs]
 
 
-def _comparison(runs: list[Run], baseline: str, metric: Metric) -> Comparison:
-    base = _baseline(runs, baseline)
-    against = None if base is None else curve(base, metric)
-    possible = attainable(runs)
-    rows = tuple(
-        _row(run, label, metric, None if run is base else against, possible)
-        for run, label in zip(runs, labels(runs), strict=True)
-    )
-    seed = runs[0].spec["seed"]
-    targets, episodes = runs[0].steps.shape
-    title = f"{family_of(runs[0].spec).label}, {targets} targets of seed {seed}, {episodes} episodes"
-    return Comparison(
-        title, targets, episodes, rows, None if base is None else labels(runs)[runs.index(base)]
-    )
+def attainable(group: Group) -> Callable[[Run], Floats] | None:
+    """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
-
-def _baseline(runs: list[Run], baseline: str) -> Run | None:
-    """The run that the others are set against; None where there is none, NotAllowed where several could be meant."""
-    meant = [run for run in runs if baseline in (run.label, run.name)]
-    if len(meant) > 1:
-        names = ", ".join(run.name for run in meant)
-        raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")
-    return meant[0] if meant else None
-
-
-def attainable(runs: Sequence[Run]) -> Floats | None:
-    """The return that learning can hope for on each target, (T,): what regret is counted from.
-
-    The exact value of epsilon-greedy on Q* (v_eps) where there are exact tables; else what the run of `optimal` earns in its
-    last tenth; None without either.
+    The exact value of epsilon-greedy on Q* (v_eps) where there are exact tables; else what the run of `optimal` on the same
+    targets earns in its last tenth; None without either.
     """
     from qinit_cli.analysis import returns
 
-    for run in runs:
-        if run.v_eps is not None:
-            return run.v_eps
-    for run in runs:
-        if run.method == "optimal":
-            return returns.asymptotic(curve(run, "return"))
-    return None
+    if all(run.v_eps is not None for entry in group.entries for run in entry.runs):
+        return lambda run: run.v_eps if run.v_eps is not None else returns.average(curve(run, "return"))
+    optimal = next((entry for entry in group.entries if entry.label == "optimal"), None)
+    if optimal is None or not all(optimal.beside(run) for entry in group.entries for run in entry.runs):
+        return None
+    return lambda run: returns.asymptotic(curve(optimal.beside(run) or run, "return"))
 
 
 def remark(method: str) -> str:
@@ -134,38 +117,134 @@ def remark(method: str) -> str:
     return ", ".join(name for name, holds in remarks.items() if holds)
 
 
-def _row(run: Run, label: str, metric: Metric, against: Floats | None, possible: Floats | None) -> Row:
+def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
+    base = _baseline(group, baseline)
+    possible = attainable(group)
+    rows = [_row(entry, group, metric, None if entry is base else base, possible) for entry in group.entries]
+    targets, episodes = group.any_run.steps.shape
+    return Comparison(
+        title=_title(group, targets, episodes),
+        intervals=_intervals(group),
+        sets=group.sets,
+        targets=targets,
+        episodes=episodes,
+        rows=_holm(rows),
+        baseline=None if base is None else base.label,
+    )
+
+
+def _title(group: Group, targets: int, episodes: int) -> str:
+    label = family_of(group.any_run.spec).label
+    if not group.shared:
+        return f"{label}, {group.sets} source sets, {targets} targets of each, {episodes} episodes"
+    sets = "" if group.sets == 1 else f"{group.sets} source sets, "
+    return f"{label}, {sets}{targets} targets of seed {group.any_run.spec['seed']}, {episodes} episodes"
+
+
+def _intervals(group: Group) -> str:
+    if group.sets == 1:
+        return "95 % bootstrap intervals over targets, conditional on this source set, uncorrected"
+    over = (
+        "source sets and targets, which the sets share"
+        if group.shared
+        else "source sets, and targets within them"
+    )
+    few = f"; under {FEW_SETS} source sets they cover less than 95 %" if group.sets < FEW_SETS else ""
+    return f"95 % bootstrap intervals over {over}, uncorrected{few}"
+
+
+def _baseline(group: Group, baseline: str) -> Entry | None:
+    """What the others are set against; None where there is none, NotAllowed where several could be meant."""
+    meant = [
+        entry
+        for entry in group.entries
+        if baseline in (entry.label, entry.runs[0].label) or baseline in (run.name for run in entry.runs)
+    ]
+    if len(meant) > 1:
+        names = ", ".join(entry.label for entry in meant)
+        raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")
+    return meant[0] if meant else None
+
+
+def _row(
+    entry: Entry, group: Group, metric: Metric, base: Entry | None, possible: Callable[[Run], Floats] | None
+) -> Row:
     import numpy as np
 
-    from qinit_cli.analysis import intervals, returns
+    from qinit_cli.analysis import returns
 
-    values = curve(run, metric)
+    curves = [curve(run, metric) for run in entry.runs]
     summaries = {
-        "average": returns.average(values),
-        "jumpstart": returns.jumpstart(values),
-        "asymptotic": returns.asymptotic(values),
+        "average": np.stack([returns.average(values) for values in curves]),
+        "jumpstart": np.stack([returns.jumpstart(values) for values in curves]),
+        "asymptotic": np.stack([returns.asymptotic(values) for values in curves]),
     }
-    if against is not None:
-        summaries["difference"] = summaries["average"] - returns.average(against)
+    paired = [base.beside(run) for run in entry.runs] if base is not None else []
+    others = [other for other in paired if other is not None]
+    if others and len(others) == len(entry.runs):
+        against = np.stack([returns.average(curve(other, metric)) for other in others])
+        summaries["difference"] = summaries["average"] - against
     if possible is not None:
-        summaries["regret"] = possible - returns.average(curve(run, "return"))
-    # one stream for every row: the same resamples of targets for each method
-    chance = generator(int(run.spec["seed"]), Stream.BOOTSTRAP, 0)
-    interval = intervals.over_targets(np.stack(list(summaries.values()), axis=1), chance)
-    estimates = {
+        earned = np.stack([returns.average(curve(run, "return")) for run in entry.runs])
+        summaries["regret"] = np.stack([possible(run) for run in entry.runs]) - earned
+    estimates = _estimates(summaries, group)
+    return Row(
+        label=entry.label,
+        remark=remark(entry.method),
+        sets=len(entry.runs),
+        average=estimates["average"],
+        jumpstart=estimates["jumpstart"],
+        asymptotic=estimates["asymptotic"],
+        steps=float(np.mean([returns.restricted_steps(run.steps, run.horizon).mean() for run in entry.runs])),
+        success=float(np.mean([run.reached.mean() for run in entry.runs])),
+        difference=estimates.get("difference"),
+        p=_p(summaries["difference"], group) if "difference" in summaries else None,
+        regret=estimates.get("regret"),
+    )
+
+
+def _estimates(summaries: dict[str, Floats], group: Group) -> dict[str, Estimate]:
+    """Mean and interval of each summary (R, T), all resampled alike."""
+    import numpy as np
+
+    from qinit_cli.analysis import intervals
+
+    values = np.stack(list(summaries.values()), axis=2)
+    chance = _chance(group)
+    if len(values) == 1:
+        interval = intervals.over_targets(values[0], chance)
+    elif group.shared:
+        interval = intervals.pigeonhole(values, chance)
+    else:
+        interval = intervals.nested(values, chance)
+    return {
         name: Estimate(float(mean), float(low), float(high))
         for name, mean, low, high in zip(
             summaries, interval.estimate, interval.low, interval.high, strict=True
         )
     }
-    return Row(
-        label=label,
-        remark=remark(run.method),
-        average=estimates["average"],
-        jumpstart=estimates["jumpstart"],
-        asymptotic=estimates["asymptotic"],
-        steps=float(returns.restricted_steps(run.steps, run.horizon).mean()),
-        success=float(run.reached.mean()),
-        difference=estimates.get("difference"),
-        regret=estimates.get("regret"),
+
+
+def _p(differences: Floats, group: Group) -> float:
+    """Sign-flip p of differences (R, T): targets flip where there is one source set, else whole sets do."""
+    from qinit_cli.analysis.permutation import sign_flip_p
+
+    units = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
+    return float(sign_flip_p(units, _chance(group))[0])
+
+
+def _holm(rows: list[Row]) -> tuple[Row, ...]:
+    """The rows with their p adjusted for how many there are."""
+    import numpy as np
+
+    from qinit_cli.analysis.multiplicity import holm
+
+    adjusted = holm(np.array([np.nan if row.p is None else row.p for row in rows]))
+    return tuple(
+        row if row.p is None else replace(row, p=float(p)) for row, p in zip(rows, adjusted, strict=True)
     )
+
+
+def _chance(group: Group) -> np.random.Generator:
+    """One stream for every row: the same resamples for each method."""
+    return generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.specs import family_of
+from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.stages.fit import MASKED, UNKNOWN
 from qinit_cli.stages.sources import relative_error
 

@@ -105,7 +105,7 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
 
 def _groups(runs: list[Run]) -> list[str]:
     """What stands beneath each group: the distribution, and the seed of its targets where there are several of it."""
-    from qinit_cli.specs import family_of
+    from qinit_cli.environments import family_of
 
     first = list({run.target_digest: run for run in reversed(runs)}.values())
     order = list(dict.fromkeys(run.target_digest for run in runs))

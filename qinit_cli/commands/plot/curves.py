@@ -55,9 +55,9 @@ def add_to(plots: typer.Typer) -> None:
 def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading, display: Display) -> None:
     """Draws the picture and prints its path."""
     from qinit_cli.commands.compare import read_runs
+    from qinit_cli.environments import family_of
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.style import house_style
-    from qinit_cli.specs import family_of
     from qinit_cli.stages.compare import labels
 
     path = USUAL.path(picture)

@@ -59,9 +59,9 @@ def add_to(plots: typer.Typer) -> None:
 def histograms(sources: str, picture: Picture, binning: Binning, reading: Reading, display: Display) -> None:
     """Draws the picture and prints its path."""
     from qinit_cli.commands import references
+    from qinit_cli.environments import family_of
     from qinit_cli.figures import histograms as drawing
     from qinit_cli.figures.style import house_style
-    from qinit_cli.specs import family_of
     from store.reading import open_artefact
 
     path = USUAL.path(picture)

@@ -117,7 +117,7 @@ def _table(path: Path, quantity: str) -> Panels:
     """One table of the fit at the action of the largest mean, the first where several are, NaN where no source knows."""
     import numpy as np
 
-    from qinit_cli.specs import family_of
+    from qinit_cli.environments import family_of
     from store.reading import open_artefact
 
     name = quantity.replace("-", "_")
@@ -137,7 +137,7 @@ def _table(path: Path, quantity: str) -> Panels:
 
 def _start(path: Path) -> Panels:
     """The start of a run, largest over the actions; that of a method which has one for each target is their mean."""
-    from qinit_cli.specs import family_of
+    from qinit_cli.environments import family_of
     from store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:

@@ -1,0 +1,100 @@
+"""Which runs may be compared: those of one distribution that met the same targets, from one source set or several.
+
+A source set is a fit. Several sets may share their targets (one transfer seed), or each may have its own; which of the two it is
+shows in the targets' digests and decides how intervals are made.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from qinit_cli.runs import Run
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method with one choice of options: its runs, one for each source set."""
+
+    label: str
+    runs: tuple[Run, ...]
+
+    @property
+    def method(self) -> str:
+        """The method's name."""
+        return self.runs[0].method
+
+    def beside(self, run: Run) -> Run | None:
+        """This method's run on the same targets as `run`, from the same source set where there are several; None if none."""
+        same = [own for own in self.runs if own.target_digest == run.target_digest]
+        return next((own for own in same if own.fit == run.fit), same[0] if len(same) == 1 else None)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that may be compared with each other."""
+
+    sets: int  # source sets
+    shared: bool  # whether the sets met the same targets
+    entries: tuple[Entry, ...]
+
+    @property
+    def any_run(self) -> Run:
+        """A run; what groups have in common can be read from any."""
+        return self.entries[0].runs[0]
+
+
+def grouped(runs: Sequence[Run]) -> list[Group]:
+    """The groups, in order of appearance; a run that is named twice counts once."""
+    once = list({run.name: run for run in runs}.values())
+    return [group for same in _by(once, _distribution) for group in _groups(same)]
+
+
+def _groups(runs: list[Run]) -> list[Group]:
+    by_targets = _by(runs, lambda run: run.target_digest)
+    if len(by_targets) == 1:
+        return [Group(_sets(runs), True, _entries(runs))]
+    if all(_sets(met) == 1 for met in by_targets):
+        return [Group(len(by_targets), False, _entries(runs))]
+    return [Group(_sets(met), True, _entries(met)) for met in by_targets]
+
+
+def _entries(runs: list[Run]) -> tuple[Entry, ...]:
+    variants = _by(
+        runs, lambda run: (run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]))
+    )
+    count = Counter(variant[0].label for variant in variants)
+    return tuple(
+        Entry(_label(variant[0], count), tuple(sorted(variant, key=lambda run: (run.target_digest, run.fit))))
+        for variant in variants
+    )
+
+
+def _label(run: Run, count: Counter[str]) -> str:
+    """The method; where several choices of its options are compared, with the end of an artefact's name."""
+    return run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}"
+
+
+def _sets(runs: Sequence[Run]) -> int:
+    return len({run.fit for run in runs})
+
+
+def _distribution(run: Run) -> tuple[str, str, tuple[int, ...]]:
+    met = {name: value for name, value in run.spec["learning"].items() if name not in ("alpha", "epsilon")}
+    return _canonical(run.spec["family"]), _canonical(met), run.steps.shape
+
+
+def _by(runs: Sequence[Run], key: Any) -> list[list[Run]]:
+    """The runs in lists of equal key, in order of appearance."""
+    lists: dict[Any, list[Run]] = {}
+    for run in runs:
+        lists.setdefault(key(run), []).append(run)
+    return list(lists.values())
+
+
+def _canonical(value: object) -> str:
+    from store.spec import canonical_json
+
+    return canonical_json(value)
