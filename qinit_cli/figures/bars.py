@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from qinit_cli.figures.style import COLUMN, TEXT, bar_styles, plain_numbers
+from qinit_cli.figures.style import COLUMN, TEXT, bar_styles, folded, plain_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +33,9 @@ def bars(
     from matplotlib.ticker import MaxNLocator
 
     columns = 2 if width <= COLUMN else 4  # of the legend, beneath the axes
-    figure = Figure(figsize=(width, 2.3 + 0.16 * -(-len(series) // columns)))
+    beneath = folded(xlabel, 0.85 * width)
+    lines = -(-len(series) // columns) + beneath.count("\n")
+    figure = Figure(figsize=(width, 2.3 + 0.16 * lines))
     axes = figure.add_subplot()
     thick = GROUP / len(series)
     for at, (method, look) in enumerate(zip(series, bar_styles(len(series)), strict=True)):
@@ -57,7 +59,7 @@ def bars(
     axes.tick_params(axis="x", length=0)
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     plain_numbers(axes.yaxis)
-    axes.set_xlabel(xlabel)
+    axes.set_xlabel(beneath)
     axes.set_ylabel(ylabel)
     axes.set_title(title)
     figure.legend(loc="outside lower center", ncols=columns)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.errors import UsageError
-from qinit_cli.figures.style import COLUMN, TEXT, UNKNOWN_COLOUR, VALUE_COLOURS, plain_numbers
+from qinit_cli.figures.style import COLUMN, TEXT, UNKNOWN_COLOUR, VALUE_COLOURS, folded, plain_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +25,6 @@ TALLEST = 8.8  # inches, of a page
 LEAST = 0.85  # inches, the width of a panel that can still be read
 GAP, TITLE, TICKS, NAMES, BESIDE, BENEATH, THICK = 0.08, 0.2, 0.45, 0.2, 0.7, 0.55, 0.11  # inches
 PAD = 0.03  # inches, around everything
-LETTER = 0.062  # inches, the width of a mean letter at 8 points
 ANY_SHAPE = (0.25, 4.0)  # of height to width; beyond, panels are stretched to be legible
 
 
@@ -217,7 +215,7 @@ def _label(image: AxesImage, layer: Layer, room: float) -> str:
 
     unknown = any(np.isnan(values).any() for values in layer.panels.values())
     label = layer.label + ("; grey: no source knows" if unknown else "")
-    return _folded(label, room)
+    return folded(label, room)
 
 
 def _finish_bar(bar: Colorbar, image: AxesImage, label: str) -> None:
@@ -250,26 +248,19 @@ def _label_outer(panels: NDArray[Any], sides: tuple[Side, Side], width: float) -
             if leftmost:
                 axes.set_ylabel(upright.label)
             if lowest and drawn[down][at]:
-                axes.set_xlabel(_folded(across.label, width))
+                axes.set_xlabel(folded(across.label, width))
 
 
 def _name(panels: NDArray[Any], grid: Grid, width: float, height: float) -> None:
     """The panels' rows and columns; one that stands alone needs no name."""
     if not grid.wrapped:
         for at, column in enumerate(grid.columns):
-            panels[0, at].set_title(_folded(column, width), pad=3)
+            panels[0, at].set_title(folded(column, width), pad=3)
         for at, row in enumerate(grid.rows):
-            beside = (_folded(row, height), panels[at, 0].get_ylabel())
+            beside = (folded(row, height), panels[at, 0].get_ylabel())
             panels[at, 0].set_ylabel("\n".join(filter(None, beside)))
     elif len(grid.rows) * len(grid.columns) > 1:
         for row in grid.rows:
             for column in grid.columns:
                 name = row if len(grid.columns) == 1 else column
-                panels[grid.place(row, column)].set_title(_folded(name, width), pad=3)
-
-
-def _folded(text: str, room: float) -> str:
-    """The text in lines of at most `room` inches, where its words allow."""
-    return "\n".join(
-        textwrap.fill(line, max(8, int(room / LETTER)), break_long_words=False) for line in text.split("\n")
-    )
+                panels[grid.place(row, column)].set_title(folded(name, width), pad=3)

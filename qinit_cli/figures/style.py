@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from qinit_cli.errors import UsageError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LETTER = 0.062  # inches, the width of a mean letter at 8 points
 FORMATS = ("png", "svg", "pdf")
 COLUMN, TEXT = 3.5, 7.0  # inches
 # Okabe and Ito (2008), but for yellow, which is too light for a line
@@ -62,6 +64,12 @@ def bar_styles(count: int) -> list[dict[str, Any]]:
         {"facecolor": COLOURS[i % colours], "hatch": HATCHES[(i + i // colours) % hatches]}
         for i in range(count)
     ]
+
+
+def folded(text: str, room: float, least: int = 8) -> str:
+    """The text in lines of at most `room` inches, or `least` letters, where its words allow."""
+    letters = max(least, int(room / LETTER))
+    return "\n".join(textwrap.fill(line, letters, break_long_words=False) for line in text.split("\n"))
 
 
 def plain_numbers(axis: Any) -> None:

@@ -15,8 +15,8 @@ from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
     from qinit_cli.figures.bars import Bars
-    from qinit_cli.runs import Run
     from qinit_cli.stages.compare import Comparison, Estimate
+    from qinit_cli.stages.source_sets import Group as SharedTargets
 
 USUAL = Usual("bars", "text", "none")
 
@@ -57,6 +57,7 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
     from qinit_cli.figures import bars as drawing
     from qinit_cli.figures.style import house_style
     from qinit_cli.stages import compare as stage
+    from qinit_cli.stages.source_sets import grouped
 
     path = USUAL.path(picture)
     found = read_runs(runs, reading.store)
@@ -65,8 +66,8 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
     with house_style():
         figure = drawing.bars(
             _series(comparisons, barring.minus),
-            _groups(found),
-            f"95 % intervals over {_targets(comparisons)} targets",
+            _groups(grouped(found)),
+            "\n".join(dict.fromkeys(comparison.intervals for comparison in comparisons)),
             f"{label}, minus {barring.minus}" if barring.minus else label,
             picture.title or "",
             USUAL.inches(picture),
@@ -103,21 +104,14 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
     return series
 
 
-def _groups(runs: list[Run]) -> list[str]:
+def _groups(groups: list[SharedTargets]) -> list[str]:
     """What stands beneath each group: the distribution, and the seed of its targets where there are several of it."""
     from qinit_cli.environments import family_of
 
-    first = list({run.target_digest: run for run in reversed(runs)}.values())
-    order = list(dict.fromkeys(run.target_digest for run in runs))
-    first.sort(key=lambda run: order.index(run.target_digest))
-    families = [family_of(run.spec) for run in first]
+    runs = [group.any_run for group in groups]
+    families = [family_of(run.spec) for run in runs]
     return distinct(
         [distribution(family.name, family.label) for family in families],
-        [f"seed {run.spec['seed']}" for run in first],
-        [f"targets {run.target_digest[:8]}" for run in first],
+        [f"seed {run.spec['seed']}" for run in runs],
+        [f"targets {run.target_digest[:8]}" for run in runs],
     )
-
-
-def _targets(comparisons: list[Comparison]) -> str:
-    counts = sorted({comparison.targets for comparison in comparisons})
-    return " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))

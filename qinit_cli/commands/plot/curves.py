@@ -14,8 +14,11 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
+    from qinit_cli.analysis.intervals import Interval
+    from qinit_cli.arrays import Floats
     from qinit_cli.figures.curves import Curve
-    from qinit_cli.runs import Run
+    from qinit_cli.stages.source_sets import Entry
+    from qinit_cli.stages.source_sets import Group as SharedTargets
 
 USUAL = Usual("curves", "column", "the targets' distribution")
 POINTS = 200  # along a curve: more than a column's width shows
@@ -48,7 +51,7 @@ def add_to(plots: typer.Typer) -> None:
             "display": DISPLAY,
         },
         references=(Reference("runs", "Runs: paths, names in the store, or - for stdin.", several=True),),
-        help="Learning curves of runs that met the same targets, mean and 95 % band.",
+        help="Learning curves of methods that met the same targets, mean over source sets and targets with a 95 % band.",
     )
 
 
@@ -58,37 +61,48 @@ def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading
     from qinit_cli.environments import family_of
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.style import house_style
-    from qinit_cli.stages.compare import labels
+    from qinit_cli.stages.source_sets import grouped
 
     path = USUAL.path(picture)
-    found = read_runs(runs, reading.store)
-    if len({run.target_digest for run in found}) > 1:
+    groups = grouped(read_runs(runs, reading.store))
+    if len(groups) > 1:
         raise NotAllowed("these runs did not meet the same targets; draw those that did, one picture each")
-    lines = [
-        _curve(run, marked(label, run.method), curving)
-        for run, label in zip(found, labels(found), strict=True)
-    ]
-    title = family_of(found[0].spec).label if picture.title is None else picture.title
+    [group] = groups
+    lines = [_curve(entry, group, curving) for entry in group.entries]
+    title = family_of(group.any_run.spec).label if picture.title is None else picture.title
+    targets = len(group.any_run.steps)
+    sets = "" if group.sets == 1 else f"{group.sets} source sets, "
     with house_style():
         figure = drawing.curves(
             lines,
             METRIC_LABELS[curving.metric],
             title,
-            f"95 %, {len(found[0].steps)} targets",
+            f"95 %, {sets}{targets} targets{'' if group.shared else ' of each'}",
             USUAL.inches(picture),
         )
         publish(figure, path)
 
 
-def _curve(run: Run, label: str, curving: Curving) -> Curve:
+def _curve(entry: Entry, group: SharedTargets, curving: Curving) -> Curve:
     import numpy as np
 
-    from qinit_cli.analysis import intervals, returns
+    from qinit_cli.analysis import returns
     from qinit_cli.figures.curves import Curve
-    from qinit_cli.seeding import Stream, generator
     from qinit_cli.stages.compare import curve
 
-    values = returns.smoothed(curve(run, curving.metric), curving.smooth)
-    shown = np.unique(np.linspace(0, values.shape[1] - 1, POINTS).astype(np.int64))
-    chance = generator(int(run.spec["seed"]), Stream.BOOTSTRAP, 0)
-    return Curve(label, shown + 1, intervals.over_targets(values[:, shown], chance, BAND_RESAMPLES))
+    smooth = [returns.smoothed(curve(run, curving.metric), curving.smooth) for run in entry.runs]
+    shown = np.unique(np.linspace(0, smooth[0].shape[1] - 1, POINTS).astype(np.int64))
+    values = np.stack([each[:, shown] for each in smooth])
+    return Curve(marked(entry.label, entry.method), shown + 1, _band(values, group))
+
+
+def _band(values: Floats, group: SharedTargets) -> Interval:
+    """The mean of values (R, T, P) over source sets and targets at each point, resampled as `qinit compare` does."""
+    from qinit_cli.analysis import intervals
+    from qinit_cli.seeding import Stream, generator
+
+    chance = generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)
+    if len(values) == 1:
+        return intervals.over_targets(values[0], chance, BAND_RESAMPLES)
+    over = intervals.pigeonhole if group.shared else intervals.nested
+    return over(values, chance, BAND_RESAMPLES)
