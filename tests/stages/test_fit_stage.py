@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.fitted import FitOptions
-from qinit_cli.stages.fit import BLOCK, MASKED, UNKNOWN, fit
+from qinit_cli.stages.fit import BLOCK, MASKED, UNKNOWN, Selection, fit, select
 
 TASKS, SHAPE = 150, (3, 2, 4)  # three blocks, the last of them short
 
@@ -29,6 +30,7 @@ def _sources() -> dict[str, Any]:
 
 
 SOURCES = _sources()
+EVERY_SOURCE = Selection(kept=np.ones(TASKS, bool), unsolvable=0, unlearned=0)
 
 
 def _blocks(sources: dict[str, Any], size: int = BLOCK) -> Iterator[dict[str, Any]]:
@@ -37,7 +39,7 @@ def _blocks(sources: dict[str, Any], size: int = BLOCK) -> Iterator[dict[str, An
 
 
 def _fitted(options: FitOptions | None = None) -> dict[str, Any]:
-    return fit(_blocks(SOURCES), TASKS, options or FitOptions())
+    return fit(_blocks(SOURCES), EVERY_SOURCE, options or FitOptions())
 
 
 def test_mu_and_sigma_are_numpys_two_pass_values() -> None:
@@ -134,3 +136,26 @@ def test_the_estimator_changes_the_mean_and_the_median_alone() -> None:
 def test_a_library_cannot_be_smaller_than_empty() -> None:
     with pytest.raises(ValueError, match="--library is -1; it must be at least 0"):
         FitOptions(library=-1)
+
+
+def test_sources_that_are_left_out_leave_no_trace() -> None:
+    kept = np.random.default_rng(5).random(TASKS) < 0.4
+    some = fit(_blocks(SOURCES), Selection(kept, 0, 0), FitOptions(library=20))
+    positive = np.where(SOURCES["q"][kept] > 0, SOURCES["q"][kept], np.nan)
+    known = ~np.isnan(positive).all(axis=0)
+    np.testing.assert_allclose(some["mean"][known], np.nanmean(positive[:, known], axis=0), rtol=1e-12)
+    np.testing.assert_array_equal(some["n"], (SOURCES["q"][kept] > 0).sum(axis=0))
+    np.testing.assert_array_equal(some["library_task"], np.flatnonzero(kept)[:20])
+    np.testing.assert_array_equal(some["library_q"], SOURCES["q"][kept][:20])
+
+
+@pytest.mark.parametrize(("excluded", "kept"), [(False, [1, 1, 0]), (True, [1, 0, 0])])
+def test_unsolvable_sources_are_left_out_and_unlearned_ones_if_asked(excluded: bool, kept: list[int]) -> None:
+    family = MountainCar(noise=0.02)
+    tasks = np.array(
+        [(0.0,), (0.0,), (-0.5,)], [("eta", "f8")]
+    )  # the last is thrown back wherever it arrives
+    solved = np.array([True, False, False])
+    chosen = select(family, tasks, solved, 1000, FitOptions(exclude_unlearned=excluded))
+    assert chosen.kept.tolist() == [bool(one) for one in kept]
+    assert (chosen.unsolvable, chosen.unlearned) == (1, 1)

@@ -66,7 +66,7 @@ def test_path_lengths_are_those_of_the_learned_table() -> None:
     expected = FAMILY.path_lengths(tasks, rows["q"].reshape(4, 36, 4), LEARNING.horizon)
     np.testing.assert_array_equal(rows["eopl"].reshape(4, 36, 4), expected)
     np.testing.assert_array_equal(
-        rows["solved"], FAMILY.solved(rows["q"].reshape(4, 36, 4), expected, LEARNING.horizon)
+        rows["solved"], FAMILY.solved(tasks, rows["q"].reshape(4, 36, 4), LEARNING.horizon)
     )
 
 

@@ -36,7 +36,7 @@ def test_a_zero_start_is_plain_q_learning() -> None:
     rows = _rows(ZERO)
     tasks = draw_tasks(FAMILY, 5, Stream.TARGET_TASK, INDICES)
     plain = learn(
-        FAMILY.worlds(tasks),
+        FAMILY.worlds(tasks, []),
         TARGETS.learning,
         Start(np.zeros((36, 4))),
         chance(5, Stream.TARGET_DICE, Stream.TARGET_START, INDICES),
