@@ -41,8 +41,7 @@ class Worlds(Protocol):
 
 @dataclass(frozen=True)
 class Chance:
-    """The streams of a batch, one of each kind a task; first states as dice.lane_seeds and dice.seeds make
-    them."""
+    """The streams of a batch, as dice.lane_seeds and dice.seeds make them."""
 
     dice: Words  # (B, 4, 8) slips, exploration and picks
     starts: Words  # (B, 4) where episodes start
@@ -122,8 +121,7 @@ def learn(
     watch: Watch,
     lanes: int | None = None,
 ) -> Learned:
-    """What the tasks learn. The result of a task depends on its world, start and streams alone, not on its
-    batch or on `lanes`.
+    """What the tasks learn: each from its own world, start and streams alone, whatever learns beside it.
 
     Nothing that is passed in is changed, but the watch. ValueError if shapes do not fit.
     """

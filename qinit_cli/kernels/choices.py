@@ -1,6 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""What a step's draw decides, worked out before the step: a table's index in which only the tied actions are
-missing.
+"""What a step's draw decides, but for the greedy actions: worked out before the step, a block at a time.
 
 A choice is ((slip * 12) + pick) * 16 + ties. Ties are a bit for each action, all of them when the step
 explores; the greedy ones of the state are or-ed in. A pick of 0 to 11 decides among 1, 2, 3 or 4 tied actions

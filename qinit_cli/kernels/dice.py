@@ -1,6 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Random streams of the compiled loops: xoshiro256++ (Blackman & Vigna, 2021), scalar or in eight interleaved
-lanes.
+"""Random streams of the compiled loops: xoshiro256++ (Blackman & Vigna, 2021), scalar or eight at once.
 
 A step of learning spends one 64-bit draw, split into slip (upper 32 bits), exploration (20 bits) and pick
 (lower 12 bits): slip and exploration are resolved to 2^-32 and 2^-20, and a pick among n tied actions gives
@@ -48,8 +47,7 @@ def exploration_limit(epsilon: float) -> np.uint64:
 
 @inner
 def draw_block(words, block):
-    """Writes the next draws of an eight-lane stream into `block`, u8 of a multiple of 8, and moves `words`
-    (4, 8) on."""
+    """Writes the next draws of an eight-lane stream into `block` (a multiple of 8) and moves `words` (4, 8) on."""
     state = words.reshape(words.size)
     a, b = load_words(state, 0), load_words(state, LANES)
     c, d = load_words(state, 2 * LANES), load_words(state, 3 * LANES)

@@ -24,8 +24,8 @@ from qinit_cli.kernels.lane import (
     is_idle,
     lanes_in_use,
     make_terminal,
+    memory,
     record_end,
-    table,
     take,
     update,
 )
@@ -45,7 +45,7 @@ class World(NamedTuple):
     start: int  # where episodes start; ANYWHERE: uniformly over the cells but the goal
     target_start: int  # where evaluation starts
     cell: Any  # u4 (L,) where the task of a lane is
-    lane_goal: Any  # u4 (L,) where it goes
+    goals: Any  # u4 (L,) where it goes
     starts: Any  # u4 (L, BLOCK) where its next episodes start, e % BLOCK for where the e-th leads
 
 
@@ -91,7 +91,7 @@ class Gridworlds:
             start=ANYWHERE if learning.start == "anywhere" else self.start,
             target_start=self.start,
             cell=np.zeros(lanes, np.uint32),
-            lane_goal=np.zeros(lanes, np.uint32),
+            goals=np.zeros(lanes, np.uint32),
             starts=np.zeros((lanes, BLOCK), np.uint32),
         )
         return advance, world
@@ -127,30 +127,11 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane])
         fours = count // 4 * 4 if choosing is None else 0
         for place in range(0, fours, 4):
-            _learn_in_four(
-                lanes.order[place : place + 4],
-                world,
-                setting,
-                tasks,
-                lanes,
-                potential,
-                visits,
-                td_var,
-                evaluation,
-            )
+            four = lanes.order[place : place + 4]
+            _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var, evaluation)
         for place in range(fours, count):
-            _learn_in_one(
-                lanes.order[place],
-                world,
-                setting,
-                tasks,
-                lanes,
-                potential,
-                visits,
-                td_var,
-                evaluation,
-                choosing,
-            )
+            lane = lanes.order[place]
+            _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing)
         for place in range(count):
             lane = lanes.order[place]
             first = tasks.episode[lanes.task[lane]]
@@ -163,92 +144,32 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
 @inner
 def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var, evaluation):
     """A block of steps in four lanes: while one waits for its last step, the others go on."""
-    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
+    moves, horizon = world.neighbours, setting.horizon
     a, b, c, d = four[0], four[1], four[2], four[3]
-    moves = world.neighbours
-    table_a, table_b, table_c, table_d = table(lanes, a), table(lanes, b), table(lanes, c), table(lanes, d)
-    choices_a, choices_b, choices_c, choices_d = (
-        lanes.choices[a],
-        lanes.choices[b],
-        lanes.choices[c],
-        lanes.choices[d],
-    )
-    goal_a, goal_b, goal_c, goal_d = (
-        world.lane_goal[a],
-        world.lane_goal[b],
-        world.lane_goal[c],
-        world.lane_goal[d],
-    )
+    own_a, own_b, own_c, own_d = memory(lanes, a), memory(lanes, b), memory(lanes, c), memory(lanes, d)
+    goal_a, goal_b, goal_c, goal_d = world.goals[a], world.goals[b], world.goals[c], world.goals[d]
     cell_a, cell_b, cell_c, cell_d = world.cell[a], world.cell[b], world.cell[c], world.cell[d]
     time_a, time_b, time_c, time_d = lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d]
     for step in range(BLOCK):
-        cell_a = _step(
-            choices_a[step] | table_a.ties[cell_a],
-            cell_a,
-            table_a,
-            moves,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        cell_b = _step(
-            choices_b[step] | table_b.ties[cell_b],
-            cell_b,
-            table_b,
-            moves,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        cell_c = _step(
-            choices_c[step] | table_c.ties[cell_c],
-            cell_c,
-            table_c,
-            moves,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
-        cell_d = _step(
-            choices_d[step] | table_d.ties[cell_d],
-            cell_d,
-            table_d,
-            moves,
-            alpha,
-            gamma,
-            potential,
-            visits,
-            td_var,
-        )
+        cell_a = _step(a, step, cell_a, own_a, moves, setting, potential, visits, td_var, None)
+        cell_b = _step(b, step, cell_b, own_b, moves, setting, potential, visits, td_var, None)
+        cell_c = _step(c, step, cell_c, own_c, moves, setting, potential, visits, td_var, None)
+        cell_d = _step(d, step, cell_d, own_d, moves, setting, potential, visits, td_var, None)
         time_a += 1
         time_b += 1
         time_c += 1
         time_d += 1
         if cell_a == goal_a or time_a == horizon:
-            cell_a = _end(
-                a, time_a, cell_a == goal_a, world, setting, tasks, lanes, visits, td_var, evaluation, None
-            )
+            cell_a = _end(a, time_a, cell_a, world, setting, tasks, lanes, visits, td_var, evaluation, None)
             time_a = 0
         if cell_b == goal_b or time_b == horizon:
-            cell_b = _end(
-                b, time_b, cell_b == goal_b, world, setting, tasks, lanes, visits, td_var, evaluation, None
-            )
+            cell_b = _end(b, time_b, cell_b, world, setting, tasks, lanes, visits, td_var, evaluation, None)
             time_b = 0
         if cell_c == goal_c or time_c == horizon:
-            cell_c = _end(
-                c, time_c, cell_c == goal_c, world, setting, tasks, lanes, visits, td_var, evaluation, None
-            )
+            cell_c = _end(c, time_c, cell_c, world, setting, tasks, lanes, visits, td_var, evaluation, None)
             time_c = 0
         if cell_d == goal_d or time_d == horizon:
-            cell_d = _end(
-                d, time_d, cell_d == goal_d, world, setting, tasks, lanes, visits, td_var, evaluation, None
-            )
+            cell_d = _end(d, time_d, cell_d, world, setting, tasks, lanes, visits, td_var, evaluation, None)
             time_d = 0
     world.cell[a], world.cell[b], world.cell[c], world.cell[d] = cell_a, cell_b, cell_c, cell_d
     lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d] = time_a, time_b, time_c, time_d
@@ -257,41 +178,34 @@ def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var
 @inner
 def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
     """A block of steps in one lane."""
-    alpha, gamma, horizon = setting.alpha, setting.gamma, setting.horizon
-    own, choices, moves, goal = (
-        table(lanes, lane),
-        lanes.choices[lane],
-        world.neighbours,
-        world.lane_goal[lane],
-    )
+    own, moves, goal = memory(lanes, lane), world.neighbours, world.goals[lane]
     cell, time = world.cell[lane], lanes.time[lane]
     for step in range(BLOCK):
-        if choosing is None:
-            choice = choices[step] | own.ties[cell]
-        else:
-            choice = followed(choosing, lane, choices[step], own.ties[cell], cell)
-        cell = _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var)
+        cell = _step(lane, step, cell, own, moves, setting, potential, visits, td_var, choosing)
         time += 1
-        if cell == goal or time == horizon:
-            cell = _end(
-                lane, time, cell == goal, world, setting, tasks, lanes, visits, td_var, evaluation, choosing
-            )
+        if cell == goal or time == setting.horizon:
+            cell = _end(lane, time, cell, world, setting, tasks, lanes, visits, td_var, evaluation, choosing)
             time = 0
     world.cell[lane], lanes.time[lane] = cell, time
 
 
 @inlined
-def _step(choice, cell, own, moves, alpha, gamma, potential, visits, td_var):
-    """One step of Q-learning: the cell it leads to. The row, ties and tallies are brought up to date."""
+def _step(lane, step, cell, own, moves, setting, potential, visits, td_var, choosing):
+    """One step of Q-learning: the cell it leads to."""
+    if choosing is None:
+        choice = own.choices[step] | own.ties[cell]
+    else:
+        choice = followed(choosing, lane, own.choices[step], own.ties[cell], cell)
     action = ACTIONS[choice]
     after = moves[4 * cell + DIRECTIONS[choice]]
-    update(own, cell, action, after, alpha, gamma, potential, visits, td_var)
+    update(own, cell, action, after, setting.alpha, setting.gamma, potential, visits, td_var)
     return after
 
 
 @inlined
-def _end(lane, length, reached, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
+def _end(lane, length, cell, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
     """Notes an episode's end, with all that hangs on it; the cell where the next one starts."""
+    reached = cell == world.goals[lane]
     episode = record_end(length, reached, setting, tasks, lanes, lane, visits, td_var)
     if evaluation is not None and evaluation_due(evaluation, episode + 1, setting.episodes):
         _evaluate(world, setting, lanes, lane, episode + 1, evaluation)
@@ -305,7 +219,7 @@ def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
     """Gets a task's goal and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
     make_terminal(lanes.rows[lane], world.goal[task])
-    world.lane_goal[lane] = world.goal[task]
+    world.goals[lane] = world.goal[task]
     world.cell[lane] = _start(world, tasks, task)
     _draw_starts(world, tasks, lanes, lane, 0, BLOCK)
     if evaluation is not None:
@@ -319,7 +233,7 @@ def _evaluate(world, setting, lanes, lane, ended, evaluation):
     """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes."""
     task, ties = lanes.task[lane], lanes.ties[lane]
     dice, slips = evaluation.dice[task], world.slips[task]
-    cell, goal, length = np.uint32(world.target_start), world.lane_goal[lane], 0
+    cell, goal, length = np.uint32(world.target_start), world.goals[lane], 0
     while cell != goal and length < setting.horizon:
         choice = greedy_choice(draw(dice), slips[0], slips[1], slips[2]) | ties[cell]
         cell = world.neighbours[4 * cell + DIRECTIONS[choice]]
@@ -330,8 +244,7 @@ def _evaluate(world, setting, lanes, lane, ended, evaluation):
 
 @inner
 def _draw_starts(world, tasks, lanes, lane, first, end):
-    """Replaces the starts that episodes `first` to `end` - 1 left for: each episode of the next block has its
-    own."""
+    """Replaces the starts that episodes `first` to `end` - 1 left for: all of the next block have theirs."""
     for episode in range(first, end):
         world.starts[lane, episode % BLOCK] = _start(world, tasks, lanes.task[lane])
 

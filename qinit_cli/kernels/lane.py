@@ -60,8 +60,7 @@ class Evaluation(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Working memory, L lanes. Tables have a state more: families whose goal is no state of theirs put it
-    there."""
+    """Working memory of L lanes; the last state is a goal that is no state of its family's table."""
 
     task: Any  # i8 (L,) who learns there; -1: nobody
     order: Any  # i8 (L,) the lanes in use come first
@@ -104,19 +103,22 @@ def _aligned(rows: int, columns: int) -> Floats:
     return memory[first : first + rows * columns].reshape(rows, columns)
 
 
-class Table(NamedTuple):
-    """The tables of one lane."""
+class Memory(NamedTuple):
+    """What a step reads and writes in one lane."""
 
     rows: Any  # f8 ((S + 1) * ROW,)
     ties: Any  # u1 (S + 1,)
     visits: Any  # i8 ((S + 1) * ROW,)
     td_var: Any  # f8, the same memory
+    choices: Any  # u2 (BLOCK,)
 
 
 @inlined
-def table(lanes, lane):
-    """The tables of a lane."""
-    return Table(lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane])
+def memory(lanes, lane):
+    """What a step reads and writes in one lane."""
+    return Memory(
+        lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane], lanes.choices[lane]
+    )
 
 
 @inner
@@ -128,8 +130,7 @@ def is_idle(tasks, lanes, lane):
 
 @inner
 def take(tasks, lanes, lane, gamma, potential, visits, td_var):
-    """Puts the next task into the lane: its table, potential, visits and td_var; an episode is about to
-    start."""
+    """Puts the next task into the lane: its table, potential, visits and td_var."""
     task = lanes.following[0]
     lanes.following[0] += 1
     rows, ties = lanes.rows[lane], lanes.ties[lane]
@@ -163,16 +164,14 @@ def take(tasks, lanes, lane, gamma, potential, visits, td_var):
 
 @inner
 def make_terminal(rows, state):
-    """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever the potential's
-    array says."""
+    """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever was given."""
     rows[ROW * state + WORTH] = 1.0
     rows[ROW * state + WORTH_OF_POTENTIAL] = 0.0
 
 
 @inner
 def leave(tasks, lanes, lane, visits, td_var):
-    """Writes what the lane's task has learned back to the batch; what the lane does with it afterwards is
-    lost."""
+    """Writes what the lane's task has learned back to the batch; what the lane goes on to do is lost."""
     task = lanes.task[lane]
     rows, counts, spreads = lanes.rows[lane], lanes.visits[lane], lanes.td_var[lane]
     for state in range(tasks.q.shape[1]):
@@ -187,8 +186,7 @@ def leave(tasks, lanes, lane, visits, td_var):
 
 @inner
 def end_block(tasks, lanes, lane, episodes):
-    """Adds the episodes that ended to their bins of the learning curve: bin e * bins // episodes for the
-    e-th.
+    """Adds the episodes that ended to their bins of the learning curve: e * bins // episodes for the e-th.
 
     Those after the task's last are nobody's: the rest of its last block is learned for nothing.
     """
@@ -224,7 +222,7 @@ def update(own, state, action, after, alpha, gamma, potential, visits, td_var):
 
 @inlined
 def record_end(length, reached, setting, tasks, lanes, lane, visits, td_var):
-    """Notes an episode's length, and lets a task whose last it was leave its results; how many have ended before it."""
+    """How many episodes have ended before; notes the length, and writes the results back after the last."""
     episode = lanes.ended[lane]
     lanes.lengths[lane, episode % BLOCK] = length if reached else -length
     lanes.ended[lane] = episode + 1

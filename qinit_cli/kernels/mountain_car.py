@@ -21,7 +21,7 @@ from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.dice import Words, draw, draw_block, slip_limit, unit
 from qinit_cli.kernels.lane import (
     BLOCK,
-    Table,
+    Memory,
     end_block,
     evaluation_due,
     is_idle,
@@ -254,7 +254,7 @@ def _learn_in_eight(
         )  # of the next step: it takes as long as the updates, which need not wait for it
         time = time + 1.0
         for lane in range(EIGHT):
-            own = Table(rows[lane], ties[lane], counts[lane], spreads[lane])
+            own = Memory(rows[lane], ties[lane], counts[lane], spreads[lane], choices[lane])
             update(own, cells[lane], actions[lane], afters[lane], alpha, gamma, potential, visits, td_var)
             cells[lane] = afters[lane]
         ended = bits(done | (time == horizon))
@@ -353,8 +353,7 @@ def _evaluate(world, setting, lanes, lane, ended, evaluation, gusts):
 
 @inner
 def _draw_starts(world, tasks, lanes, lane, first, end):
-    """Replaces the starts that episodes `first` to `end` - 1 left for, so that all of the next block have
-    theirs."""
+    """Replaces the starts that episodes `first` to `end` - 1 left for: all of the next block have theirs."""
     for episode in range(first, end):
         position, velocity = _start(world.start, tasks.start_dice[lanes.task[lane]])
         world.start_position[lane, episode % BLOCK] = position

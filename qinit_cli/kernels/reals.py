@@ -59,8 +59,7 @@ class _FlagsModel(models.PrimitiveModel):
 
 @intrinsic
 def load_reals(typing: Any, array: Any, position: Any) -> Any:
-    """The eight numbers from `position` on of an f8 array, one-dimensional and contiguous; position is not
-    checked."""
+    """Eight numbers of a contiguous f8 array (n,), from `position` on; position is not checked."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.load(_place(context, builder, signature, arguments, _NUMBERS), align=8)
@@ -81,8 +80,7 @@ def store_reals(typing: Any, array: Any, position: Any, reals: Any) -> Any:
 
 @intrinsic
 def store_whole(typing: Any, array: Any, position: Any, reals: Any) -> Any:
-    """Writes the whole parts of eight numbers, 0 to 2^31 - 1, into a u4 array, one-dimensional and
-    contiguous."""
+    """Writes the whole parts of eight numbers, 0 to 2^31 - 1, into a contiguous u4 array (n,)."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         whole = builder.fptosi(arguments[2], _WHOLE)

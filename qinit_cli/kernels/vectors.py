@@ -44,8 +44,7 @@ class _WordsModel(models.PrimitiveModel):
 
 @intrinsic
 def load_words(typing: Any, array: Any, position: Any) -> Any:
-    """The eight words from `position` on. The array is u8, one-dimensional and contiguous; position is not
-    checked."""
+    """Eight words of a contiguous u8 array (n,), from `position` on; position is not checked."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.load(_place(context, builder, signature, arguments, _WORDS), align=8)
@@ -55,8 +54,7 @@ def load_words(typing: Any, array: Any, position: Any) -> Any:
 
 @intrinsic
 def store_words(typing: Any, array: Any, position: Any, words: Any) -> Any:
-    """Writes eight words from `position` on. The array is u8, one-dimensional and contiguous; position is not
-    checked."""
+    """Writes eight words into a contiguous u8 array (n,), from `position` on; position is not checked."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         builder.store(arguments[2], _place(context, builder, signature, arguments, _WORDS), align=8)
@@ -86,8 +84,7 @@ def next_words(typing: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
 
 @intrinsic
 def add_to_entry(typing: Any, table: Any, row: Any, entry: Any, change: Any) -> Any:
-    """Adds `change` to table[row + entry]; the largest of the four values from `row` on, and which of them
-    equal it.
+    """The largest of four values from `row` on after adding `change` to one, and which of them equal it.
 
     The ties are bits 0 to 3 of an integer. The table is f8, one-dimensional and contiguous; row and entry are
     not checked.
