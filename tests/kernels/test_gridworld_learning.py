@@ -88,17 +88,6 @@ def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, explor
         )
 
 
-def test_evaluation_changes_no_bit_of_what_is_learned_and_no_policies_are_plain_learning() -> None:
-    given = chance(1, len(GOALS))
-    plain = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch())
-    none = Start(table(), None, Policies(np.empty((0, SIZE**2), np.int64)))
-    watched = learn(worlds(), EXPLORING, none, given, dataclasses.replace(ALL, evaluate_every=60), Watch())
-    np.testing.assert_array_equal(watched.q, plain.q)
-    assert plain.evaluation_steps is None
-    assert watched.evaluation_steps is not None
-    assert watched.evaluation_steps.shape == (len(GOALS), 2)
-
-
 def test_policies_without_streams_are_refused() -> None:
     bare = Chance(chance(1, len(GOALS)).dice, chance(1, len(GOALS)).starts)
     start = Start(table(), None, Policies(np.zeros((2, SIZE**2), np.int64)))
@@ -140,12 +129,16 @@ def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
             np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[tasks])
 
 
-def test_records_left_out_change_nothing() -> None:
+def test_records_evaluation_and_no_policies_change_no_bit_of_what_is_learned() -> None:
     given = chance(3, len(GOALS))
     full = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch())
-    bare = learn(worlds(), EXPLORING, Start(table()), given, Records(bins=7), Watch())
+    start = Start(table(), None, Policies(np.empty((0, SIZE**2), np.int64)))
+    bare = learn(worlds(), EXPLORING, start, given, Records(bins=7, evaluate_every=60), Watch())
     assert bare.visits is None
     assert bare.td_var is None
+    assert full.evaluation_steps is None
+    assert bare.evaluation_steps is not None
+    assert bare.evaluation_steps.shape == (len(GOALS), 2)
     np.testing.assert_array_equal(bare.q, full.q)
     bins = np.arange(60) * 7 // 60
     for binned, each in ((bare.steps, full.steps), (bare.reached, full.reached)):

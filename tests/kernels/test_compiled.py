@@ -1,0 +1,85 @@
+"""Where machine code is kept between runs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from qinit_cli.kernels import compiled
+
+
+@pytest.fixture
+def afresh() -> None:
+    compiled.cache_folder.cache_clear()
+    yield
+    compiled.cache_folder.cache_clear()
+
+
+@pytest.mark.usefixtures("afresh")
+def test_machine_code_is_kept_beneath_the_folder_the_user_chose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    assert folder.is_relative_to(tmp_path / "chosen" / "qinit")
+    assert compiled.cache_statement() is None
+    assert compiled.needs_compiling("gridworld")
+    (folder / "there").mkdir()
+    (folder / "there" / "gridworld.advance-7.py311.nbi").touch()
+    assert not compiled.needs_compiling("gridworld")
+    assert compiled.needs_compiling("mountain_car")
+
+
+@pytest.mark.usefixtures("afresh")
+def test_machine_code_is_else_kept_in_the_users_cache_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    assert folder.parent == tmp_path / "qinit"
+
+
+@pytest.mark.usefixtures("afresh")
+def test_other_kernel_files_mean_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    folders = set()
+    for text in ("one", "two"):
+        (tmp_path / "kernel.py").write_text(text)
+        monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+        compiled.cache_folder.cache_clear()
+        folders.add(compiled.cache_folder())
+    assert len(folders) == 2
+
+
+@pytest.mark.usefixtures("afresh")
+def test_a_folder_that_cannot_be_written_is_told_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    assert compiled.cache_folder() is None
+    assert compiled.needs_compiling("gridworld")
+    assert "set NUMBA_CACHE_DIR" in (compiled.cache_statement() or "")
+
+
+def test_learning_runs_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    code = "from qinit_cli.kernels import gridworld_exact as g; print(g.solve.stats.cache_path)"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "file")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "None"
+
+
+def test_settings_of_learning_are_free_of_numpy_and_numba() -> None:
+    code = "import sys, qinit_cli.learning; print({'numpy', 'numba'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
