@@ -31,7 +31,7 @@ class Panels:
     fit: str  # its content hash
     origin: str  # what tells it from another of the same family
     label: str  # what the tables hold, with its unit
-    tables: dict[str, Floats] = field(default_factory=dict)  # (STATE) by method, or by the quantity's name
+    tables: dict[str, Floats] = field(default_factory=dict)  # (S,) by method, or by the quantity's name
 
 
 def read_panels(
@@ -127,7 +127,7 @@ def _table(path: Path, quantity: str) -> Panels:
         mean = artefact.read("mean")
         sources = artefact.spec["sources"]
         greedy = np.where(np.isnan(mean), -np.inf, mean).argmax(axis=-1)
-        table = np.take_along_axis(values, greedy[..., None], axis=-1)[..., 0]
+        table = np.take_along_axis(values, greedy[..., None], axis=-1).ravel()
         unit = "" if column.unit == "1" else f" ({column.unit}s)"
         label = f"{column.long_name}{unit}, action of the largest mean"
         return Panels(
@@ -146,7 +146,7 @@ def _start(path: Path) -> Panels:
         start = artefact.read("start").max(axis=-1)
         if any(column.name == "start" for column in artefact.schema.task_columns):
             start, label = start.mean(axis=0), f"{label}, mean of targets"
-        return Panels(family_of(artefact.spec), fit, f"fit {fit[:8]}", START_LABEL, {label: start})
+        return Panels(family_of(artefact.spec), fit, f"fit {fit[:8]}", START_LABEL, {label: start.ravel()})
 
 
 def _add(column: Panels, more: Panels, path: Path) -> None:

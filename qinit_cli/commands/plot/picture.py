@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -13,8 +13,6 @@ from qinit_cli.commands.build import Group
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from store.schema import Axis
 
 Width = Literal["column", "text"]
@@ -66,7 +64,7 @@ class Usual:
         return COLUMN if (picture.width or self.width) == "column" else TEXT
 
 
-def publish(figure: Figure, path: Path) -> None:
+def publish(figure: Any, path: Path) -> None:
     """Saves the picture and prints its path; call it within `house_style`."""
     from qinit_cli.figures.style import save
 
