@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments import family_of
+from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,6 +31,9 @@ class Run:
     v_eps: (
         Floats | None
     )  # (T,) value of epsilon-greedy on Q* from the start; None where no exact table exists
+    greedy_returns: (
+        Floats | None
+    )  # (T, V) of greedy evaluations while learning; None without --evaluate-every
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
 
     @property
@@ -46,6 +51,18 @@ class Run:
         """The content hash of the fit it started from: one source set, one fit."""
         return str(self.spec["inputs"][0])
 
+    def greedy(self) -> Run:
+        """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
+        import numpy as np
+
+        if self.greedy_returns is None:
+            raise NotAllowed(f"{self.name} has no greedy evaluations; transfer again with --evaluate-every")
+        reached = self.greedy_returns > 0
+        # the return of an episode that arrives is gamma^(steps - 1)
+        steps = 1 + np.log(np.where(reached, self.greedy_returns, 1.0)) / math.log(self.gamma)
+        counted = np.where(reached, np.rint(steps), self.horizon).astype(np.int32)
+        return replace(self, steps=counted, reached=reached)
+
     @classmethod
     def from_artefact(cls, artefact: Artefact) -> Run:
         """The run in an artefact, every task's digest verified."""
@@ -60,6 +77,7 @@ class Run:
             steps=artefact.read("steps"),
             reached=artefact.read("reached").astype(bool),
             v_eps=artefact.read("v_eps") if "v_eps" in names else None,
+            greedy_returns=artefact.read("eval_return") if "eval_return" in names else None,
             target_digest=_target_digest(spec, [artefact.tasks, *drawn]),
         )
 

@@ -65,6 +65,7 @@ def run(method: Method, targets: TargetTasks, tasks: int, inputs: list[str]) -> 
         "tasks": tasks,
         "inputs": inputs,
         "keep_q": targets.keep_q,
+        "evaluate_every": targets.evaluate_every,
     }
 
 

@@ -29,6 +29,10 @@ class Comparing:
         "return", "Discounted return, share of episodes that reach the goal, or min(steps, horizon)."
     )
 
+    greedy: bool = option(
+        False, "Compare the greedy evaluations (transfer --evaluate-every) instead of the episodes."
+    )
+
     def __post_init__(self) -> None:
         check(self)
 
@@ -57,7 +61,10 @@ def compare(
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_cli.stages import compare as stage
 
-    comparisons = stage.compare(read_runs(runs, reading.store), comparing.baseline, comparing.metric)
+    found = read_runs(runs, reading.store)
+    if comparing.greedy:
+        found = [run.greedy() for run in found]
+    comparisons = stage.compare(found, comparing.baseline, comparing.metric)
     columns = [
         TableColumn("method"),
         TableColumn(comparing.metric, comparing.metric, 4, interval=True),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
@@ -43,6 +44,12 @@ class LearningTargets:
         None,
         "Draw targets from a changed family, such as variance=10; may be given several times.",
         metavar="KEY=VALUE",
+    )
+    evaluate_every: int = option(
+        0,
+        "Evaluate greedily, without learning, before the first episode and after every N-th; 0: never.",
+        low=0,
+        metavar="N",
     )
     keep_q: bool = option(False, "Keep the learned tables too.")
 
@@ -148,7 +155,13 @@ def transfer(
 
     known = Knowledge.read(references.one(fit, output.store))
     family = learning.family(known.family)
-    targets = TargetTasks(family, learning.learning(family, known.learning), learning.seed, learning.keep_q)
+    targets = TargetTasks(
+        family,
+        learning.learning(family, known.learning),
+        learning.seed,
+        learning.keep_q,
+        learning.evaluate_every,
+    )
     _say_overrides(targets.learning, known.learning, display)
     count = learning.tasks or family.target_tasks
     tables = OptimalTables(targets, count, known.learning, output, work, display)
@@ -183,7 +196,7 @@ def _plan(
 
     inputs = [known.given, *tables]
     return Plan(
-        stem=f"{targets.family.label}-{method.label.replace('+', '-plus-')}-{count}-seed-{targets.seed}",
+        stem=f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}",
         spec=specs.run(method, targets, count, [given["content_sha256"] for given in inputs]),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
@@ -193,6 +206,11 @@ def _plan(
         inputs=inputs,
         statics=statics(initial, targets.family),
     )
+
+
+def _in_a_name(label: str) -> str:
+    """The label as it may stand in an artefact's name."""
+    return re.sub(r"[^A-Za-z0-9._-]", "-", label.replace("+", "-plus-"))
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:
@@ -233,7 +251,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         start_per_task=initial.start_per_task,
         potential_per_task=initial.potential_per_task,
         exact_values=family.tabular,
-        evaluations=0,
+        evaluations=targets.evaluations,
         keep_q=targets.keep_q,
     )
 

@@ -193,18 +193,9 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, NO_SLIP, lanes.choices[lane])
             _draw_gusts(lanes.task[lane], lane, world, world.noise_dice)
         for first in range(0, len(lanes.task), EIGHT):
+            gusts = world.gusts
             _learn_in_eight(
-                first,
-                world,
-                setting,
-                tasks,
-                lanes,
-                potential,
-                visits,
-                td_var,
-                world.gusts,
-                evaluation,
-                choosing,
+                first, world, setting, tasks, lanes, potential, visits, td_var, gusts, evaluation, choosing
             )
         for place in range(count):
             lane = lanes.order[place]
@@ -221,37 +212,25 @@ def _learn_in_eight(
     alpha, gamma, hill, bins = setting.alpha, setting.gamma, world.hill, np.float64(world.bins)
     goal, horizon = bins * bins, np.float64(setting.horizon)
     end = first + EIGHT
-    rows, ties, counts, spreads = (
-        lanes.rows[first:end],
-        lanes.ties[first:end],
-        lanes.visits[first:end],
-        lanes.td_var[first:end],
-    )
-    choices, cells, afters, actions = (
-        lanes.choices[first:end],
-        world.cell[first:end],
-        world.after[first:end],
-        world.action[first:end],
-    )
+    rows, ties = lanes.rows[first:end], lanes.ties[first:end]
+    counts, spreads = lanes.visits[first:end], lanes.td_var[first:end]
+    choices, actions = lanes.choices[first:end], world.action[first:end]
+    cells, afters = world.cell[first:end], world.after[first:end]
     position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
     time, eta, gravity = load_reals(world.time, first), load_reals(world.lane_eta, first), pull(position)
     for step in range(BLOCK):
         for lane in range(EIGHT):
-            tied = ties[lane, cells[lane]]
+            choice, tied = choices[lane, step], ties[lane, cells[lane]]
             if choosing is None:
-                actions[lane] = ACTIONS[choices[lane, step] | tied]
+                actions[lane] = ACTIONS[choice | tied]
             else:
-                actions[lane] = ACTIONS[
-                    followed(choosing, first + lane, choices[lane, step], tied, cells[lane])
-                ]
+                actions[lane] = ACTIONS[followed(choosing, first + lane, choice, tied, cells[lane])]
         if gusts is not None:
             eta = load_reals(gusts, first * BLOCK + step * EIGHT)
         position, velocity = roll(position, velocity, _pushes(actions) + gravity, eta, hill)
         done = is_done(position, velocity)
         store_whole(afters, 0, chosen(done, goal, bin_of(position, velocity, bins)))
-        gravity = pull(
-            position
-        )  # of the next step: it takes as long as the updates, which need not wait for it
+        gravity = pull(position)  # of the next step: as long as the updates, which need not wait for it
         time = time + 1.0
         for lane in range(EIGHT):
             own = Memory(rows[lane], ties[lane], counts[lane], spreads[lane], choices[lane])
@@ -262,20 +241,11 @@ def _learn_in_eight(
             store_reals(world.position, first, position)
             store_reals(world.velocity, first, velocity)
             store_reals(world.time, first, time)
-            for lane in range(EIGHT):
-                if ended >> lane & 1:
-                    _end(
-                        first + lane,
-                        bits(done) >> lane & 1,
-                        world,
-                        setting,
-                        tasks,
-                        lanes,
-                        visits,
-                        td_var,
-                        evaluation,
-                        choosing,
-                    )
+            reached = bits(done)
+            for place in range(EIGHT):
+                if ended >> place & 1:
+                    lane, won = first + place, reached >> place & 1
+                    _end(lane, won, world, setting, tasks, lanes, visits, td_var, evaluation, choosing)
             position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
             time, gravity = load_reals(world.time, first), pull(position)
     store_reals(world.position, first, position)

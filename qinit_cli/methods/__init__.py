@@ -9,6 +9,7 @@ from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
 from qinit_cli.methods.maxqinit import MaxQInit
 from qinit_cli.methods.mean import Mean
 from qinit_cli.methods.method import Initial, Method
+from qinit_cli.methods.ops_tl import OpsTl
 from qinit_cli.methods.optimal import Optimal
 from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.targets import Targets
@@ -28,6 +29,7 @@ METHODS: dict[str, type[Method]] = {
         Optimal,
         Ptrs,
         Drs,
+        OpsTl,
     )
 }
 

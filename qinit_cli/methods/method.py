@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from qinit_cli.fields import check, option
+from qinit_cli.fields import check, option, options
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
     from qinit_cli.fitted import Fit
+    from qinit_cli.kernels.policies import Policies
     from qinit_cli.methods.targets import Targets
 
 LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
@@ -26,7 +27,7 @@ class Initial:
 
     start: Floats  # (S, A), or (T, S, A) where it depends on the target
     potential: Floats  # (S,), or (T, S)
-    policies: Integers  # (K, S), actions
+    policies: Policies  # (K, S), and how one of them is chosen
     filled: int  # entries of the start that no source knows
     clipped: int  # entries of the start outside [0, 1]
 
@@ -62,8 +63,17 @@ class Method:
 
     @property
     def label(self) -> str:
-        """What it is called in names and tables."""
-        return self.name
+        """What it is called in names and tables: with the options that are not at their default."""
+        return " ".join([self.name, *self._changed()])
+
+    def _changed(self) -> list[str]:
+        """Each such option as KEY=VALUE, a flag by its name alone; what it starts from is no such option."""
+        told = []
+        for field in options(type(self)):
+            value, spelled = getattr(self, field.name), field.name.replace("_", "-")
+            if value != field.default and field.name != "init":
+                told.append(spelled if value is True else f"{spelled}={value}")
+        return told
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """First values, (S, A), NaN where no source knows; zeros."""
@@ -77,11 +87,13 @@ class Method:
 
         return np.zeros(len(fit.value_mean))
 
-    def policies(self, fit: Fit, targets: Targets) -> Integers:
+    def policies(self, fit: Fit, targets: Targets) -> Policies:
         """Source policies to choose among, (K, S); no rows."""
         import numpy as np
 
-        return np.empty((0, len(fit.value_mean)), np.int64)
+        from qinit_cli.kernels.policies import Policies
+
+        return Policies(np.empty((0, len(fit.value_mean)), np.int64))
 
     def filling(self, fit: Fit, start: Floats) -> float:
         """What stands where no source knows a pair."""

@@ -33,8 +33,9 @@ class Plus(Method):
 
     @property
     def label(self) -> str:
-        """The name, with what it starts from unless that is zero."""
-        return self.name if self.init == Zero.name else f"{self.name}+{self.init}"
+        """The name, with what it starts from unless that is zero, and the options that are not at their default."""
+        started = self.name if self.init == Zero.name else f"{self.name}+{self.init}"
+        return " ".join([started, *self._changed()])
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """The initialisation's start, (S, A), filled by its own rule where no source knows."""

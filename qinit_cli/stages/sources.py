@@ -102,7 +102,8 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
 def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
     import numpy as np
 
-    from qinit_cli.kernels.batch import Records, Start, learn
+    from qinit_cli.kernels.batch import Chance, Records, Start, learn
+    from qinit_cli.kernels.dice import lane_seeds, seeds
 
     family = sources.family
     worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
@@ -110,7 +111,10 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
         worlds,
         sources.learning,
         Start(np.zeros((worlds.states, worlds.actions))),
-        chance(sources.seed, sources.streams.dice, sources.streams.start, indices),
+        Chance(
+            dice=lane_seeds(sequences(sources.seed, sources.streams.dice, indices)),
+            starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
+        ),
         Records(sources.bins, visits=True, td_var=True),
         watch,
     )
@@ -125,16 +129,6 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
         "seconds": learned.seconds,
         "finished": learned.finished,
     }
-
-
-def chance(seed: int, dice: Stream, starts: Stream, indices: Integers) -> Any:
-    """The streams of a batch as the loop takes them."""
-    from qinit_cli.kernels.batch import Chance
-    from qinit_cli.kernels.dice import lane_seeds, seeds
-
-    return Chance(
-        dice=lane_seeds(sequences(seed, dice, indices)), starts=seeds(sequences(seed, starts, indices))
-    )
 
 
 def sequences(seed: int, stream: Stream, indices: Integers) -> list[np.random.SeedSequence]:

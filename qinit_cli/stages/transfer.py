@@ -10,7 +10,7 @@ from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.learning import Learning
 from qinit_cli.methods import Initial, Targets
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.sources import Rows, chance, sequences, shaped
+from qinit_cli.stages.sources import Rows, sequences, shaped
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers, Tasks
@@ -25,6 +25,12 @@ class TargetTasks:
     learning: Learning
     seed: int
     keep_q: bool
+    evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
+
+    @property
+    def evaluations(self) -> int:
+        """How many there are: one before the first episode, one after every n-th."""
+        return 1 + self.learning.episodes // self.evaluate_every if self.evaluate_every else 0
 
     def targets(self, count: int, optimal: Callable[[], Floats]) -> Targets:
         """The first `count` tasks as a privileged method sees them; `optimal` makes their Q* if asked."""
@@ -43,7 +49,9 @@ def learn_targets(
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
     import numpy as np
 
-    from qinit_cli.kernels.batch import Records, Start, learn
+    from qinit_cli.analysis.returns import discounted_returns
+    from qinit_cli.kernels.batch import Chance, Records, Start, learn
+    from qinit_cli.kernels.dice import lane_seeds, seeds
 
     family, learning = targets.family, targets.learning
     tasks = targets.draw(indices)
@@ -51,9 +59,14 @@ def learn_targets(
     learned = learn(
         family.worlds(tasks, sequences(targets.seed, Stream.TARGET_WORLD, indices)),
         learning,
-        Start(own.start, own.potential if own.potential.any() else None),
-        chance(targets.seed, Stream.TARGET_DICE, Stream.TARGET_START, indices),
-        Records(bins=learning.episodes),
+        Start(own.start, own.potential if own.potential.any() else None, own.policies),
+        Chance(
+            dice=lane_seeds(sequences(targets.seed, Stream.TARGET_DICE, indices)),
+            starts=seeds(sequences(targets.seed, Stream.TARGET_START, indices)),
+            evaluation=seeds(sequences(targets.seed, Stream.TARGET_EVALUATION, indices)),
+            choices=seeds(sequences(targets.seed, Stream.TARGET_CHOICE, indices)),
+        ),
+        Records(bins=learning.episodes, evaluate_every=targets.evaluate_every),
         watch,
     )
     kept = learned.finished
@@ -67,6 +80,10 @@ def learn_targets(
         exact, _ = family.solve(tasks[kept], learning.gamma)
         rows["v_star"] = family.start_value(exact)
         rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
+    if learned.evaluation_steps is not None and learned.evaluation_reached is not None:
+        reached = learned.evaluation_reached[kept].astype(bool)
+        rows["eval_return"] = discounted_returns(learned.evaluation_steps[kept], reached, learning.gamma)
+        rows["eval_reached"] = reached.astype(np.float64)
     if targets.keep_q:
         rows["q"] = learned.q[kept]
     if initial.start_per_task:

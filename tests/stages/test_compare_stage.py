@@ -31,6 +31,7 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
         steps=np.asarray(steps, np.int32),
         reached=np.asarray(reached, bool),
         v_eps=None,
+        greedy_returns=None,
         target_digest=targets,
     )
 

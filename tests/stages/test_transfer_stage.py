@@ -7,10 +7,12 @@ import numpy as np
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.kernels.batch import Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
+from qinit_cli.kernels.dice import lane_seeds, seeds
+from qinit_cli.kernels.policies import Policies
 from qinit_cli.methods import Initial
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.sources import chance
+from qinit_cli.stages.sources import sequences
 from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
 
 FAMILY = Gridworld(size=6, variance=2)
@@ -20,7 +22,7 @@ INDICES = np.arange(6)
 
 def _initial(start: Any, potential: Any = None) -> Initial:
     nothing = np.zeros(36) if potential is None else potential
-    return Initial(start, nothing, np.empty((0, 36), np.int64), 0, 0)
+    return Initial(start, nothing, Policies(np.empty((0, 36), np.int64)), 0, 0)
 
 
 ZERO = _initial(np.zeros((36, 4)))
@@ -39,7 +41,10 @@ def test_a_zero_start_is_plain_q_learning() -> None:
         FAMILY.worlds(tasks, []),
         TARGETS.learning,
         Start(np.zeros((36, 4))),
-        chance(5, Stream.TARGET_DICE, Stream.TARGET_START, INDICES),
+        Chance(
+            lane_seeds(sequences(5, Stream.TARGET_DICE, INDICES)),
+            seeds(sequences(5, Stream.TARGET_START, INDICES)),
+        ),
         Records(bins=80),
         Watch(),
     )
