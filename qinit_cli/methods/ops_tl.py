@@ -1,0 +1,51 @@
+"""OPS-TL: choosing among source policies while learning (after Li and Zhang, 2018); a reconstruction.
+
+The paper compares with it but gives none of its settings, and they decide its rank: report more than one. While it follows a
+policy it does not explore, as all others do; --explore-while-following takes that advantage away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from qinit_cli.fields import option
+from qinit_cli.methods.plus import Plus
+
+if TYPE_CHECKING:
+    from qinit_cli.fitted import Fit
+    from qinit_cli.kernels.policies import Policies
+    from qinit_cli.methods.targets import Targets
+
+
+@dataclass(frozen=True)
+class OpsTl(Plus):
+    """OPS-TL, a reconstruction: follows source policies chosen by UCB1, less and less, while learning."""
+
+    library: int = option(
+        20, "Source policies to choose among, the first of the fit's library.", low=0, metavar="K"
+    )
+    c: float = option(0.1, "Weight of the bound on a policy that was seldom tried.", low=0)
+    psi0: float = option(
+        1.0, "Chance of following the policy at the first step of the first episode.", low=0, high=1
+    )
+    rho: float = option(0.99, "Factor on that chance from episode to episode.", low=0, high=1)
+    nu: float = option(0.98, "Factor on that chance from step to step within an episode.", low=0, high=1)
+    explore_while_following: bool = option(False, "Explore with epsilon while following, as the others do.")
+
+    name: ClassVar[str] = "ops-tl"
+    formula: ClassVar[str] = "argmax_j W_j + c sqrt(2 ln k / n_j), followed with chance psi0 rho^(k-1) nu^t"
+    reconstructed: ClassVar[bool] = True
+
+    def policies(self, fit: Fit, targets: Targets) -> Policies:
+        """The greedy policies of the first tables of the library, (K, S), and how they are chosen."""
+        from qinit_cli.kernels.policies import Policies
+
+        return Policies(
+            actions=fit.library_q[: self.library].argmax(axis=2),
+            c=self.c,
+            psi0=self.psi0,
+            rho=self.rho,
+            nu=self.nu,
+            explore_while_following=self.explore_while_following,
+        )
