@@ -44,6 +44,10 @@ class Disk:
         """The number of bytes written, which may be fewer than there are."""
         return self._do("write", path, lambda: os.pwrite(descriptor, content, offset))
 
+    def read(self, descriptor: int, path: Path, size: int, offset: int) -> bytes:
+        """What there is of `size` bytes; no change, but it may fail while HDF5 writes."""
+        return self._do("read back", path, lambda: os.pread(descriptor, size, offset))
+
     def truncate(self, descriptor: int, path: Path, size: int) -> None:
         self._do("cut to size", path, lambda: os.ftruncate(descriptor, size))
 

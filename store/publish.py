@@ -124,7 +124,7 @@ class Growing(io.RawIOBase):
         raw = memoryview(buffer).cast("B")  # type: ignore[arg-type]  # as above
         content = bytearray(raw.nbytes)
         try:
-            there = os.pread(self._descriptor, raw.nbytes, self._position)
+            there = self._disk.read(self._descriptor, self._path, raw.nbytes, self._position)
             content[: len(there)] = there
         except BaseException as failure:
             self.failure = self.failure or failure
