@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -20,8 +21,13 @@ def console(display: Display, *, stderr: bool = False) -> Console:
     """A rich console for stdout or stderr that obeys --color, NO_COLOR and TERM."""
     from rich.console import Console
 
-    forced = {"always": True, "never": None, "auto": None}[display.color]
-    return Console(stderr=stderr, force_terminal=forced, no_color=True if display.color == "never" else None)
+    terminal = Console(
+        stderr=stderr,
+        force_terminal=True if display.color == "always" else None,
+        no_color={"always": False, "never": True, "auto": None}[display.color],
+    )
+    terminal.size = shutil.get_terminal_size()  # rich believes that a dumb terminal has 80 columns
+    return terminal
 
 
 def note(display: Display, text: str) -> None:

@@ -14,13 +14,19 @@ from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit
 from qinit_cli.methods import METHODS, Initial, Method, Targets
+from qinit_cli.methods.drs import Drs
+from qinit_cli.methods.drs import Drs
 from qinit_cli.methods.logqinit_mean import LogQInitMean
 from qinit_cli.methods.logqinit_median import LogQInitMedian
 from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
 from qinit_cli.methods.maxqinit import MaxQInit
 from qinit_cli.methods.mean import Mean
 from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.ops_tl import OpsTl
 from qinit_cli.methods.optimal import Optimal
+from qinit_cli.methods.plus import Plus
+from qinit_cli.methods.ptrs import Ptrs
+from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.ucoi import Ucoi
 from qinit_cli.methods.zero import Zero
 from qinit_cli.seeding import Stream
@@ -58,7 +64,12 @@ FIT = Fit(
 
 def _targets(seed: int) -> Targets:
     tasks = draw_tasks(FAMILY, seed, Stream.TARGET_TASK, np.arange(3))
-    return Targets(FAMILY, FAMILY.target_learning, tasks)
+    return Targets(
+        FAMILY,
+        FAMILY.target_learning,
+        tasks,
+        lambda: FAMILY.solve(tasks, FAMILY.target_learning.gamma)[0],
+    )
 
 
 def _initial(method: Method, fit: Fit = FIT) -> Initial:
@@ -136,6 +147,49 @@ def test_optimal_starts_each_target_with_its_own_exact_table() -> None:
     assert len(np.unique(exact, axis=0)) > 1
 
 
+def test_ptrs_shapes_by_the_sources_mean_value_and_starts_with_nothing() -> None:
+    initial = _initial(Ptrs())
+    np.testing.assert_array_equal(initial.potential, FIT.value_mean)
+    assert not initial.start.any()
+
+
+def test_ptrs_may_shape_by_the_largest_mean_value_with_zero_where_nobody_knows() -> None:
+    initial = _initial(Ptrs(phi="max-mean"))
+    np.testing.assert_allclose(initial.potential, [0.44, 0.33, 0.55, 0.0])
+
+
+def test_drs_shapes_by_the_distance_to_each_targets_goal() -> None:
+    targets = _targets(0)
+    potential = Drs().initial(FIT, targets).potential
+    for values, task in zip(potential, targets.tasks, strict=True):
+        rows, columns = np.divmod(np.arange(4), 2)
+        distance = abs(rows - task["goal_row"]) + abs(columns - task["goal_col"])
+        np.testing.assert_allclose(values, 0.95**distance)
+    linear = Drs(distance="linear").initial(FIT, targets).potential
+    assert linear.min() == 0
+    assert linear.max() == 1
+
+
+@pytest.mark.parametrize("method", [Ptrs, Drs])
+def test_a_plus_variant_differs_from_the_method_by_its_start_alone(method: type[Plus]) -> None:
+    plain, plus = _initial(method()), _initial(method(init="logqinit-median"))
+    np.testing.assert_array_equal(plus.potential, plain.potential)
+    np.testing.assert_array_equal(plus.start, _initial(LogQInitMedian()).start)
+    assert method(init="logqinit-median").label == f"{method.name}+logqinit-median"
+    assert method().label == method.name
+
+
+def test_a_plus_variant_starts_from_an_initialisation_alone() -> None:
+    with pytest.raises(ValueError, match="--init is optimal; it is one of zero, "):
+        Ptrs(init="optimal")
+
+
+def test_a_label_tells_the_options_that_are_not_at_their_default() -> None:
+    assert LogQInitMedian().label == "logqinit-median"
+    assert LogQInitMedian(fallback="largest").label == "logqinit-median fallback=largest"
+    assert Ptrs(phi="max-mean", init="mean").label == "ptrs+mean phi=max-mean"
+
+
 def test_who_reads_the_target_and_whose_formula_is_not_public_is_marked() -> None:
     assert {name for name, method in METHODS.items() if method.privileged} >= {"optimal"}
     assert {name for name, method in METHODS.items() if method.reconstructed} >= {"ucoi"}
@@ -194,9 +248,9 @@ def test_every_method_gives_three_arrays_of_the_right_shape(name: str) -> None:
     leading = (3,) if METHODS[name].privileged else ()
     assert initial.start.shape in ((4, 4), (*leading, 4, 4))
     assert initial.potential.shape in ((4,), (*leading, 4))
-    assert initial.policies.shape[1:] == (4,)
+    assert initial.policies.actions.shape[1:] == (4,)
     assert initial.start.dtype == initial.potential.dtype == np.float64
-    assert np.issubdtype(initial.policies.dtype, np.integer)
+    assert np.issubdtype(initial.policies.actions.dtype, np.integer)
     assert ((initial.start >= 0) & (initial.start <= 1)).all()
     assert np.isfinite(initial.potential).all()
 
@@ -207,7 +261,7 @@ def test_an_unprivileged_method_does_not_look_at_the_targets(name: str) -> None:
     one, other = method.initial(FIT, _targets(0)), method.initial(FIT, _targets(1))
     np.testing.assert_array_equal(one.start, other.start)
     np.testing.assert_array_equal(one.potential, other.potential)
-    np.testing.assert_array_equal(one.policies, other.policies)
+    np.testing.assert_array_equal(one.policies.actions, other.policies.actions)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -230,9 +284,65 @@ def test_every_method_says_what_it_is(name: str) -> None:
 def test_a_start_table_alone_has_a_neutral_potential_and_no_policies(method: Method) -> None:
     initial = _initial(method)
     assert not initial.potential.any()
-    assert initial.policies.shape == (0, 4)
+    assert initial.policies.actions.shape == (0, 4)
 
 
 def test_a_fallback_that_is_none_of_the_two_is_refused() -> None:
     with pytest.raises(ValueError, match="--fallback is 'highest'; it is one of zero, largest"):
         Initialisation(fallback="highest")  # type: ignore[arg-type]
+
+
+def test_ptrs_shapes_by_the_mean_of_the_largest_or_the_largest_of_the_means() -> None:
+    np.testing.assert_array_equal(Ptrs().initial(FIT, _targets(3)).potential, FIT.value_mean)
+    expected = np.nanmax(np.where(KNOWN, FIT.mean, 0.0), axis=1)
+    np.testing.assert_array_equal(Ptrs(phi="max-mean").initial(FIT, _targets(3)).potential, expected)
+
+
+def test_drs_shapes_by_the_manhattan_distance_to_each_targets_own_goal() -> None:
+    targets = _targets(3)
+    potential = Drs().initial(FIT, targets).potential
+    for goal, found in zip(targets.tasks, potential, strict=True):
+        by_hand = [
+            FAMILY.target_learning.gamma ** (abs(row - goal["goal_row"]) + abs(col - goal["goal_col"]))
+            for row in (0, 1)
+            for col in (0, 1)
+        ]
+        np.testing.assert_allclose(found, by_hand)
+    linear = Drs(distance="linear").initial(FIT, targets).potential
+    np.testing.assert_allclose(linear, 1 - np.log(potential) / np.log(FAMILY.target_learning.gamma) / 2)
+
+
+@pytest.mark.parametrize("method", [Ptrs, Drs, OpsTl])
+def test_plus_starts_where_the_initialisation_starts(method: Any) -> None:
+    for init in ("zero", "maxqinit", "logqinit-median", "ucoi"):
+        started = method(init=init).initial(FIT, _targets(3))
+        np.testing.assert_array_equal(started.start, METHODS[init]().initial(FIT, _targets(3)).start)
+
+
+@pytest.mark.parametrize("init", ["optimal", "ptrs", "nosuch"])
+def test_only_a_start_table_made_from_the_fit_starts_another_method(init: str) -> None:
+    with pytest.raises(ValueError, match=f"--init is {init}; it is one of zero, mean"):
+        Ptrs(init=init)
+
+
+def test_ops_tl_chooses_among_the_greedy_policies_of_the_first_tables() -> None:
+    policies = OpsTl(library=1, c=0.3, nu=0.5).initial(FIT, _targets(3)).policies
+    np.testing.assert_array_equal(policies.actions, LIBRARY[:1].argmax(axis=2))
+    assert (policies.c, policies.psi0, policies.rho, policies.nu) == (0.3, 1.0, 0.99, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("method", "label"),
+    [
+        (Zero(), "zero"),
+        (Ucoi(), "ucoi"),
+        (Ucoi(kappa=5.0), "ucoi kappa=5.0"),
+        (Ptrs(init="logqinit-mean"), "ptrs+logqinit-mean"),
+        (
+            OpsTl(init="mean", rho=1.0, explore_while_following=True),
+            "ops-tl+mean rho=1.0 explore-while-following",
+        ),
+    ],
+)
+def test_a_label_tells_the_options_that_are_not_at_their_default(method: Method, label: str) -> None:
+    assert method.label == label
