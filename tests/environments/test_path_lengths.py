@@ -131,9 +131,21 @@ def test_solved_is_what_reaches_the_goal_within_the_horizon(tasks_of: Any) -> No
     arrives = _greedy(4, TO_THE_RIGHT_THEN_DOWN)
     lost = np.zeros_like(arrives)
     q = np.concatenate([arrives, lost])
-    eopl = grid.path_lengths(np.concatenate([task, task]), q, 1_000)
-    assert grid.solved(q, eopl, 6).tolist() == [True, False]
-    assert grid.solved(q, eopl, 5).tolist() == [False, False]
+    tasks = np.concatenate([task, task])
+    assert grid.solved(tasks, q, 6).tolist() == [True, False]
+    assert grid.solved(tasks, q, 5).tolist() == [False, False]
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_nearness_is_one_at_the_goal_and_falls_with_the_manhattan_distance(
+    linear: bool, tasks_of: Any
+) -> None:
+    grid = Gridworld(size=6)
+    goals = (4, 1), (0, 5)
+    found = grid.nearness(tasks_of(grid, (*goals[0], 0.7), (*goals[1], 0.9)), 0.9, linear=linear)
+    for values, goal in zip(found.reshape(2, 6, 6), goals, strict=True):
+        distance = _distance(6, goal)
+        np.testing.assert_allclose(values, 1 - distance / 10 if linear else 0.9**distance)
 
 
 def test_figure_2_of_the_paper(tasks_of: Any) -> None:
