@@ -180,12 +180,12 @@ def test_a_baseline_that_could_be_two_runs_is_refused_with_their_names(
     here: Here, pipeline: Any, tmp_path: Path
 ) -> None:
     for name in ("one", "two"):
-        other = ("--fallback", "largest") if name == "two" else ()
+        other = ("--alpha", 0.05) if name == "two" else ()
         made = here("transfer", "logqinit-median", pipeline.fit, *other, "--tasks", 4, "--episodes", 60, "-q",
                     "-o", tmp_path / f"{name}.h5")  # fmt: skip
         assert made.code == 0, made.err
     sentence = _refused(here("compare", "one.h5", "two.h5", "--baseline", "logqinit-median"), 4)
-    assert "one, two" in sentence
+    assert "logqinit-median one, logqinit-median two" in sentence
     assert here("compare", "one.h5", "two.h5", "--baseline", "one").code == 0
 
 
