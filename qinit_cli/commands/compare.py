@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import typer
@@ -13,6 +14,8 @@ from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.runs import Run
     from qinit_cli.stages.compare import Comparison, Estimate
 
@@ -108,16 +111,20 @@ def compare(
 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
-    """The runs that the references name, verified."""
+    """The runs that the references name, verified; each once, those of one file name told apart by their folders."""
     from qinit_cli.commands import references as named
     from qinit_cli.runs import Run
     from store.reading import open_artefact
 
-    found = []
+    found: dict[str, tuple[Path, Run]] = {}
     for path in named.many(references, store):
         with open_artefact(path, "run") as artefact:
-            found.append(Run.from_artefact(artefact))
-    return found
+            found.setdefault(artefact.content_sha256, (path, Run.from_artefact(artefact)))
+    count = Counter(run.name for _, run in found.values())
+    return [
+        run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
+        for path, run in found.values()
+    ]
 
 
 def _rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
