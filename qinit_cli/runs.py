@@ -57,6 +57,8 @@ class Run:
 
         if self.greedy_returns is None:
             raise NotAllowed(f"{self.name} has no greedy evaluations; transfer again with --evaluate-every")
+        if self.gamma == 1:
+            raise NotAllowed(f"{self.name} has gamma 1, so its greedy returns do not tell the steps")
         reached = self.greedy_returns > 0
         # the return of an episode that arrives is gamma^(steps - 1)
         steps = 1 + np.log(np.where(reached, self.greedy_returns, 1.0)) / math.log(self.gamma)
