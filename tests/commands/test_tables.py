@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -119,6 +120,32 @@ def test_privileged_methods_are_marked(here: Here, pipeline: Any) -> None:
     for style in ("tsv", "table", "markdown", "json"):
         lines = here("compare", made, pipeline.runs["zero"], "--format", style, "-q").out
         assert "privileged" in lines, style
+
+
+def test_runs_of_one_file_name_in_two_folders_are_both_compared(
+    here: Here, pipeline: Any, tmp_path: Path
+) -> None:
+    for folder, method in (("a", "zero"), ("b", "maxqinit")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "run.h5").write_bytes(pipeline.runs[method].read_bytes())
+    rows = json.loads(here("compare", "a/run.h5", "b/run.h5", "--baseline", "a/run", "--json").out)["rows"]
+    assert [row["method"] for row in rows] == ["zero", "maxqinit"]
+    assert rows[0]["difference"] is None
+    assert rows[1]["difference"] is not None
+
+
+def test_one_run_under_two_names_counts_once(here: Here, pipeline: Any, tmp_path: Path) -> None:
+    (tmp_path / "copy.h5").write_bytes(pipeline.runs["zero"].read_bytes())
+    rows = json.loads(here("compare", pipeline.runs["zero"], "copy.h5", "--json").out)["rows"]
+    assert [row["method"] for row in rows] == ["zero"]
+
+
+def test_greedy_returns_that_do_not_tell_the_steps_are_refused(here: Here, pipeline: Any) -> None:
+    words = ("--tasks", 2, "--episodes", 10, "--evaluate-every", 5, "--gamma", 1, "-q")
+    made = here("transfer", "zero", pipeline.fit, *words).path
+    ended = here("compare", made, "--greedy")
+    assert (ended.code, ended.out) == (4, "")
+    assert "gamma 1" in ended.err
 
 
 def test_runs_of_other_targets_stand_in_tables_of_their_own(here: Here, pipeline: Any) -> None:
