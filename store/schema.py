@@ -142,8 +142,14 @@ def sources_schema(
     return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
 
 
-def fit_schema(state_axes: tuple[Axis, ...], action: Axis, library: int) -> Schema:
-    """What a fit holds of its sources, with the tables of the first `library` of them."""
+def fit_schema(
+    state_axes: tuple[Axis, ...],
+    action: Axis,
+    library: int,
+    more_axes: tuple[Axis, ...] = (),
+    more: tuple[Column, ...] = (),
+) -> Schema:
+    """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
     moments = (
@@ -170,8 +176,8 @@ def fit_schema(state_axes: tuple[Axis, ...], action: Axis, library: int) -> Sche
         Column("library_td_var", ("library", *state_action), "f8", long_name="its mean squared TD error"),
         Column("library_task", ("library",), "i8", long_name="task id of the source"),
     )
-    axes = (*state_axes, action, _index("library", library))
-    return Schema("fit", axes, (*moments, *counts, *tables))
+    axes = (*state_axes, action, _index("library", library), *more_axes)
+    return Schema("fit", axes, (*moments, *counts, *tables, *more))
 
 
 def run_schema(

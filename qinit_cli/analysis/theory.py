@@ -35,11 +35,23 @@ class Theory:
     """
 
     n: Integers  # tasks with Q > 0 and a path of at least one step
+    variance: Floats  # of ln Q over these tasks, ddof 0; NaN where there is none
     product: Prediction  # gamma^H times the path's probability: equation (1)
     length: Prediction  # gamma^(H-1)
     explained: Floats  # by the best straight line in H: the squared correlation; 0 where H does not vary
     explained_by_gamma: Floats  # by the slope ln gamma itself; below 0 where it explains less than nothing
-    pooled: float  # `explained` over all cells together: 1 - sum of residual over sum of total squares
+
+    @property
+    def pooled(self) -> float:
+        """`explained` over all cells together."""
+        return pooled_share(self.explained, self.n * self.variance)
+
+
+def pooled_share(explained: Floats, squares: Floats) -> float:
+    """1 - sum of residual over sum of total `squares`, of the cells whose share is known; NaN where none is."""
+    known = ~np.isnan(explained)
+    total = squares[known]
+    return float(np.sum(explained[known] * total) / total.sum()) if known.any() else float("nan")
 
 
 def theory(q: Floats, eopl: NDArray[np.integer], gamma: float, log_path: Floats) -> Theory:
@@ -60,11 +72,11 @@ def theory(q: Floats, eopl: NDArray[np.integer], gamma: float, log_path: Floats)
     varies = (n >= FEWEST_TASKS) & (total > 1e-20 * np.maximum(1.0, n))
     return Theory(
         n=n,
+        variance=np.where(n > 0, total / np.maximum(n, 1), np.nan),
         product=_prediction(product_form, logs, counted),
         length=_prediction(length_form, logs, counted),
         explained=_share(line, total, varies),
         explained_by_gamma=_share(_squares(logs - lengths * slope, counted), total, varies),
-        pooled=1 - float(line[varies].sum() / total[varies].sum()) if varies.any() else float("nan"),
     )
 
 
