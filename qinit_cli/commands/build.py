@@ -45,7 +45,7 @@ class Group:
         info = typer.Option(
             *spelled,
             help=meta["help"],
-            metavar=meta["metavar"],
+            metavar="" if hint is bool else meta["metavar"],  # a flag takes no value, whatever typer would show
             envvar="QINIT_" + option.name.upper(),
             show_envvar=False,
             # by identity: 0 equals False, and is a default worth showing
