@@ -1,0 +1,140 @@
+"""What every method promises in every family, asked of the registries: whoever registers one more is asked the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qinit_cli import specs
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.kernels.batch import Watch
+from qinit_cli.methods import METHODS, Method
+from qinit_cli.methods.plus import Plus, initialisations
+from qinit_cli.stages.fit import Selection, fit
+from qinit_cli.stages.sources import SourceTasks, learn_sources
+from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
+from store.reading import open_artefact
+from store.schema import Axis, run_schema
+from store.work import open_work
+
+SMALL: dict[str, dict[str, Any]] = {"gridworld": {"size": 5}, "mountain-car": {"bins": 8, "noise": 0.002}}
+SOURCES, TARGETS, EPISODES = 3, 3, 30
+EVERY = [(family, method) for family in FAMILIES for method in METHODS]
+
+
+def small(name: str) -> Family:
+    return FAMILIES[name](**SMALL.get(name, {}))
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, Fit]:
+    """A fit of a few short sources of each family."""
+    fits = {}
+    for name in FAMILIES:
+        family = small(name)
+        learning = replace(family.source_learning, episodes=200, horizon=300)
+        _, rows = learn_sources(SourceTasks(family, "q-learning", learning, 0), np.arange(SOURCES), Watch())
+        blocks = [{"task": np.arange(SOURCES), **{key: rows[key] for key in ("q", "td_var", "eopl")}}]
+        arrays = fit(blocks, Selection(np.ones(SOURCES, bool), 0, 0), FitOptions())
+        fits[name] = Fit.from_arrays(arrays, math.prod(family.shape), "mle")
+    return fits
+
+
+def targets_of(name: str, seed: int = 1) -> TargetTasks:
+    family = small(name)
+    learning = replace(family.target_learning, episodes=EPISODES, horizon=200)
+    return TargetTasks(family, learning, seed, keep_q=True, evaluate_every=10)
+
+
+def transferred(name: str, method: Method, fit: Fit, seed: int = 1) -> tuple[Any, dict[str, Any]]:
+    """What the method starts targets from, and the rows that they leave."""
+    targets = targets_of(name, seed)
+    shape = (TARGETS, math.prod(targets.family.shape), len(targets.family.actions))
+    initial = method.initial(fit, targets.targets(TARGETS, lambda: np.full(shape, 0.5)))
+    return initial, learn_targets(targets, initial, np.arange(TARGETS), Watch())[1]
+
+
+@pytest.mark.parametrize(("family", "method"), EVERY)
+def test_a_method_trains_and_its_seed_decides_all(family: str, method: str, known: dict[str, Fit]) -> None:
+    initial, rows = transferred(family, METHODS[method](), known[family])
+    _, again = transferred(family, METHODS[method](), known[family])
+    _, other = transferred(family, METHODS[method](), known[family], seed=2)
+    assert rows["steps"].shape == (TARGETS, EPISODES)
+    assert ((rows["steps"] >= 1) & (rows["steps"] <= 200)).all()
+    for name in rows.keys() - {"seconds"}:
+        np.testing.assert_array_equal(rows[name], again[name])
+    assert any(not np.array_equal(rows[name], other[name]) for name in ("eta", "p") if name in rows)
+    assert ((initial.start >= 0) & (initial.start <= 1)).all()
+
+
+@pytest.mark.parametrize(("family", "method"), EVERY)
+def test_a_run_is_whole_in_its_file(family: str, method: str, known: dict[str, Fit], tmp_path: Path) -> None:
+    made = METHODS[method]()
+    initial, rows = transferred(family, made, known[family])
+    targets = targets_of(family)
+    schema = run_schema(
+        targets.family.axes(),
+        Axis("action", np.array(targets.family.actions, "S")),
+        targets.family.parameters(),
+        EPISODES,
+        start_per_task=initial.start_per_task,
+        potential_per_task=initial.potential_per_task,
+        exact_values=targets.family.tabular,
+        evaluations=targets.evaluations,
+        keep_q=True,
+    )
+    spec = specs.run(made, targets, TARGETS, ["0" * 64])
+    path = tmp_path / "run.h5"
+    with open_work(path, schema, spec) as work:
+        work.save(rows, np.arange(TARGETS))
+        work.finish(range(TARGETS), statics(initial, targets.family))
+    with open_artefact(path, "run") as artefact:
+        assert artefact.spec["method"]["name"] == method
+        for name, values in (rows | statics(initial, targets.family)).items():
+            np.testing.assert_array_equal(artefact.read(name), values)
+
+
+@pytest.mark.parametrize(("family", "method"), EVERY)
+def test_without_what_it_adds_a_method_is_zero(family: str, method: str, known: dict[str, Fit]) -> None:
+    """Its three arrays at their neutral elements leave plain learning, bit for bit."""
+    made = METHODS[method]()
+    targets = targets_of(family)
+    zero, plain = transferred(family, METHODS["zero"](), known[family])
+    initial, _ = transferred(family, made, known[family])
+    neutral = replace(initial, start=zero.start, potential=zero.potential, policies=zero.policies)
+    _, rows = learn_targets(targets, neutral, np.arange(TARGETS), Watch())
+    for name in plain.keys() - {"seconds"}:
+        np.testing.assert_array_equal(rows[name], plain[name])
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("init", initialisations())
+@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if issubclass(method, Plus)])
+def test_every_initialisation_starts_every_plus(
+    family: str, method: str, init: str, known: dict[str, Fit]
+) -> None:
+    initial, rows = transferred(family, METHODS[method](init=init), known[family])  # type: ignore[call-arg]
+    start, _ = transferred(family, METHODS[init](), known[family])
+    np.testing.assert_array_equal(initial.start, start.start)
+    assert rows["steps"].shape == (TARGETS, EPISODES)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_ops_tl_without_a_library_is_zero(family: str, known: dict[str, Fit]) -> None:
+    _, plain = transferred(family, METHODS["zero"](), known[family])
+    _, rows = transferred(family, METHODS["ops-tl"](library=0), known[family])  # type: ignore[call-arg]
+    for name in plain.keys() - {"seconds"}:
+        np.testing.assert_array_equal(rows[name], plain[name])
+
+
+def test_the_readme_has_an_example_of_every_family_and_method() -> None:
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    assert [
+        name for name in (*FAMILIES, *METHODS) if f"`{name}`" not in readme and f" {name}" not in readme
+    ] == []
