@@ -7,13 +7,16 @@ hard links from the root to datasets is accepted, and each is looked at before i
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 
 from store.errors import Damaged, NotFound, SystemFailed
 from store.schema import NAME, TASK, TASK_DIGEST
@@ -26,7 +29,7 @@ LARGEST_DECLARED = 1024 * GIB  # all datasets, as they would be in memory
 LARGEST_STATIC = 1 * GIB  # what is read whole: datasets without a task axis, ids and digests
 LARGEST_TASK = GIB // 2  # one task over all columns
 LARGEST_CHUNK = 64 * 1024**2
-LARGEST_ATTRIBUTE = 4 * 1024**2
+LARGEST_VALUE = 4 * 1024**2  # a text, of an attribute or a label
 MOST_DATASETS = 256
 MOST_ATTRIBUTES = 64
 
@@ -63,41 +66,58 @@ def checked_file(path: Path) -> int:
     return status.st_size
 
 
-def check_attributes(owner: Any) -> None:
-    """ValueError where an attribute of this low-level group or dataset is of a type or size we never write."""
+@dataclass(frozen=True)
+class Checked:
+    """A dataset that may be read, and its attributes."""
+
+    dataset: h5py.Dataset
+    attributes: dict[str, Any]
+
+    @property
+    def nbytes(self) -> int:
+        """What it takes in memory, as declared."""
+        return math.prod((int(self.dataset.dtype.itemsize), *self.dataset.shape))
+
+
+def attributes(owner: Any) -> dict[str, Any]:
+    """The attributes of this low-level group or dataset by name, each one number or fixed-length bytes.
+
+    ValueError where one is of a type or size we never write.
+    """
     names: list[bytes] = []
+    # No exception may pass through the iteration, so nothing is opened there; anything but None ends it.
     h5py.h5a.iterate(owner, lambda name: names.append(name) if len(names) <= MOST_ATTRIBUTES else True)
     if len(names) > MOST_ATTRIBUTES:
         raise ValueError("too many attributes")
-    for name in set(names) - SCALE_ATTRIBUTES:
-        attribute = h5py.h5a.open(owner, name)
-        _check_type(attribute.get_type(), f"attribute {name.decode()}")
-        if (
-            attribute.get_space().get_simple_extent_ndims()
-            or attribute.get_storage_size() > LARGEST_ATTRIBUTE
-        ):
-            raise ValueError(f"attribute {name.decode()} is no single value, or a huge one")
+    return {name.decode(): _value(owner, name) for name in names if name not in SCALE_ATTRIBUTES}
 
 
-def checked_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+def _value(owner: Any, name: bytes) -> Any:
+    attribute = h5py.h5a.open(owner, name)
+    kind = attribute.get_type()
+    _check_type(kind, f"attribute {name.decode()}")
+    if attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
+        raise ValueError(f"attribute {name.decode()} is no single value")
+    value = np.empty((), kind.dtype)
+    attribute.read(value, kind)
+    return value[()]
+
+
+def checked_datasets(file: h5py.File) -> dict[str, Checked]:
     """Every dataset by name, in order; ValueError where the file holds anything we never write."""
-    names = _names(file.id)
-    found = {name: h5py.Dataset(_checked_dataset(file.id, name)) for name in names}
-    declared = {name: dataset.dtype.itemsize * _product(dataset.shape) for name, dataset in found.items()}
-    if sum(declared.values()) > LARGEST_DECLARED:
+    found = {name: _checked_dataset(file.id, name) for name in _names(file.id)}
+    if sum(one.nbytes for one in found.values()) > LARGEST_DECLARED:
         raise ValueError("the datasets declare more bytes than an artefact may have")
     return found
 
 
-def check_shares(datasets: dict[str, h5py.Dataset], per_task: set[str]) -> None:
+def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
     """ValueError where what must be in memory at once is too much."""
     whole = [one for name, one in datasets.items() if name not in per_task or name in (TASK, TASK_DIGEST)]
-    if sum(one.dtype.itemsize * _product(one.shape) for one in whole) > LARGEST_STATIC:
+    if sum(one.nbytes for one in whole) > LARGEST_STATIC:
         raise ValueError("the datasets without a task axis declare too many bytes")
-    if (
-        sum(datasets[name].dtype.itemsize * _product(datasets[name].shape[1:]) for name in per_task)
-        > LARGEST_TASK
-    ):
+    task = (datasets[name].dataset for name in per_task)
+    if sum(one.dtype.itemsize * math.prod(one.shape[1:]) for one in task) > LARGEST_TASK:
         raise ValueError("one task declares too many bytes")
 
 
@@ -114,7 +134,7 @@ def _names(root: Any) -> list[str]:
     return sorted(name.decode() for name in names)
 
 
-def _checked_dataset(root: Any, name: str) -> Any:
+def _checked_dataset(root: Any, name: str) -> Checked:
     if h5py.h5o.get_info(root, name.encode()).type != h5py.h5o.TYPE_DATASET:
         raise ValueError(f"{name} is no dataset")
     dataset = h5py.h5d.open(root, name.encode())
@@ -135,19 +155,20 @@ def _checked_dataset(root: Any, name: str) -> Any:
         raise ValueError(f"{name} could grow, as none of ours can")
     if settings.get_layout() == h5py.h5d.CHUNKED:
         _check_chunks(dataset, settings.get_chunk(), name)
-    check_attributes(dataset)
-    return dataset
+    return Checked(h5py.Dataset(dataset), attributes(dataset))
 
 
 def _check_type(kind: Any, name: str) -> None:
-    if kind.get_class() not in CLASSES or kind.get_size() > LARGEST_ATTRIBUTE:
+    if kind.get_class() not in CLASSES:
         raise ValueError(f"{name} is of a type that is not ours")
     if kind.get_class() == h5py.h5t.STRING and kind.is_variable_str():
         raise ValueError(f"{name} is of variable length")
+    if kind.get_size() > LARGEST_VALUE:
+        raise ValueError(f"{name} has values of more than {LARGEST_VALUE // 1024**2} MiB")
 
 
 def _check_chunks(dataset: Any, chunk: tuple[int, ...], name: str) -> None:
-    size = dataset.get_type().get_size() * _product(chunk)
+    size = dataset.get_type().get_size() * math.prod(chunk)
     if size > LARGEST_CHUNK:
         raise ValueError(f"{name} has chunks of more than {LARGEST_CHUNK // 1024**2} MiB")
     suspects: list[Any] = []
@@ -158,10 +179,3 @@ def _check_chunks(dataset: Any, chunk: tuple[int, ...], name: str) -> None:
         _, raw = dataset.read_direct_chunk(info.chunk_offset)
         if len(zlib.decompressobj().decompress(raw, LARGEST_CHUNK + 1)) > LARGEST_CHUNK:
             raise ValueError(f"{name} has a chunk that inflates beyond its size")
-
-
-def _product(shape: tuple[int, ...]) -> int:
-    product = 1
-    for length in shape:
-        product *= int(length)
-    return product

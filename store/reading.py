@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -230,27 +230,27 @@ def _opened(path: Path) -> tuple[h5py.File, int]:
 
 def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str]:
     with _trouble_is_damage(path):
-        guard.check_attributes(file.id)
-        format = _text(file.attrs, "qinit_format")
+        said = guard.attributes(file.id)
+        format = _text(said, "qinit_format")
         known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
         if known is None:
             raise Damaged(f"{path} is no qinit artefact: its format is {format!r}")
-        if int(file.attrs["qinit_min_reader"]) > SCHEMA_VERSION:
+        if int(said["qinit_min_reader"]) > SCHEMA_VERSION:
             raise Damaged(
                 f"{path} was written by a newer qinit: it needs a reader of schema"
-                f" {int(file.attrs['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
+                f" {int(said['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
                 " `pip install --upgrade qinit`"
             )
         description = Description(
             path=path,
             kind=known[1],
-            spec=dict(json.loads(_text(file.attrs, "spec_json"))),
-            spec_sha256=_text(file.attrs, "spec_sha256"),
-            content_sha256=_text(file.attrs, "content_sha256"),
-            provenance=dict(json.loads(_text(file.attrs, "provenance_json"))),
-            inputs=tuple(dict(one) for one in json.loads(_text(file.attrs, "inputs_json"))),
-            tasks=int(file.attrs["tasks"]),
-            schema_version=int(file.attrs["qinit_schema"]),
+            spec=dict(json.loads(_text(said, "spec_json"))),
+            spec_sha256=_text(said, "spec_sha256"),
+            content_sha256=_text(said, "content_sha256"),
+            provenance=dict(json.loads(_text(said, "provenance_json"))),
+            inputs=tuple(dict(one) for one in json.loads(_text(said, "inputs_json"))),
+            tasks=int(said["tasks"]),
+            schema_version=int(said["qinit_schema"]),
             size=size,
         )
     return description, format
@@ -259,20 +259,20 @@ def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str
 def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[str, Array]]:
     """Schema, task ids, task digests and every dataset without a task axis."""
     datasets = guard.checked_datasets(file)
-    dims = {name: tuple(_text(dataset.attrs, "dims").split(" ")) for name, dataset in datasets.items()}
+    dims = {name: tuple(_text(one.attributes, "dims").split(" ")) for name, one in datasets.items()}
     guard.check_shares(datasets, {name for name in dims if dims[name][0] == TASK})
     axes = tuple(_axis(name, datasets[name]) for name in dims if dims[name] == (name,) and name != TASK)
     names = [name for name in dims if name not in {TASK, *(axis.name for axis in axes)}]
     schema = Schema(kind, axes, tuple(_read_column(name, datasets[name], dims[name]) for name in names))
-    ids: Array = _ids(datasets[TASK]) if schema.task_columns else np.empty(0, dtype=np.int64)
+    ids: Array = _ids(datasets[TASK].dataset) if schema.task_columns else np.empty(0, dtype=np.int64)
     for column in schema.columns:
         led = (ids.size,) if column.per_task else ()
-        if datasets[column.name].shape != (*led, *schema.row_shape(column)):
+        if datasets[column.name].dataset.shape != (*led, *schema.row_shape(column)):
             raise ValueError(f"{column.name} does not fit its axes")
     statics = {axis.name: axis.values for axis in axes}
-    statics |= {column.name: datasets[column.name][...] for column in schema.static_columns}
+    statics |= {column.name: datasets[column.name].dataset[...] for column in schema.static_columns}
     none = np.empty((0, DIGEST_BYTES), dtype=np.uint8)
-    return schema, ids, datasets[TASK_DIGEST][...] if schema.task_columns else none, statics
+    return schema, ids, datasets[TASK_DIGEST].dataset[...] if schema.task_columns else none, statics
 
 
 def _ids(dataset: h5py.Dataset) -> Array:
@@ -284,33 +284,30 @@ def _ids(dataset: h5py.Dataset) -> Array:
     return ids
 
 
-def _axis(name: str, dataset: h5py.Dataset) -> Axis:
-    unit, long_name = _optional_text(dataset.attrs, "units"), _optional_text(dataset.attrs, "long_name")
-    return Axis(name, dataset[...], unit, long_name)
+def _axis(name: str, found: guard.Checked) -> Axis:
+    return Axis(name, found.dataset[...], *_labels(found))
 
 
-def _read_column(name: str, dataset: h5py.Dataset, dims: tuple[str, ...]) -> Column:
-    return Column(
-        name,
-        dims,
-        dataset.dtype.str,
-        _optional_text(dataset.attrs, "units"),
-        _optional_text(dataset.attrs, "long_name"),
-        hashed="hashed" not in dataset.attrs,
+def _read_column(name: str, found: guard.Checked, dims: tuple[str, ...]) -> Column:
+    hashed = "hashed" not in found.attributes
+    return Column(name, dims, found.dataset.dtype.str, *_labels(found), hashed=hashed)
+
+
+def _labels(found: guard.Checked) -> tuple[str, str]:
+    """Unit and long name, "" where there is none."""
+    unit, long_name = (
+        _text(found.attributes, name) if name in found.attributes else "" for name in ("units", "long_name")
     )
+    return unit, long_name
 
 
-def _text(attributes: h5py.AttributeManager, name: str) -> str:
+def _text(attributes: Mapping[str, Any], name: str) -> str:
     if name not in attributes:
         raise ValueError(f"it has no {name}")
     value = attributes[name]
     if not isinstance(value, bytes):
         raise ValueError(f"{name} is no fixed-length text")
     return value.decode()
-
-
-def _optional_text(attributes: h5py.AttributeManager, name: str) -> str:
-    return _text(attributes, name) if name in attributes else ""
 
 
 @contextmanager

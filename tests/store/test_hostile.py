@@ -124,6 +124,10 @@ def attribute_of_many_values(file, other):
     file["steps"].attrs["list"] = np.arange(100)
 
 
+def attribute_without_a_value(file, other):
+    file["steps"].attrs["units"] = h5py.Empty("S7")
+
+
 def huge_attribute(file, other):
     file.attrs["provenance_json"] = np.bytes_(b"{" + b" " * 2**23 + b"}")
 
@@ -252,7 +256,8 @@ HOSTILE = {
     compound: "pairs is of a type that is not ours",
     attribute_of_variable_length: "attribute note is of variable length",
     attribute_of_many_values: "attribute list is no single value",
-    huge_attribute: "attribute provenance_json is",
+    attribute_without_a_value: "attribute units is no single value",
+    huge_attribute: "attribute provenance_json has values of more than 4 MiB",
     very_many_attributes: "too many attributes",
     very_many_datasets: "too many datasets",
     shape_bomb: "declare more bytes than an artefact may have",
