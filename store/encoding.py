@@ -171,7 +171,7 @@ def _fitted(schema: Schema, column: Column, values: Array, tasks: int) -> Array:
     shape = (tasks, *schema.row_shape(column)) if column.per_task else schema.row_shape(column)
     if values.shape != shape:
         raise ValueError(f"{schema.kind}: {column.name} has shape {values.shape}, wanted {shape}")
-    fitted = np.ascontiguousarray(values.astype(column.little_endian, casting="same_kind"))
+    fitted = np.ascontiguousarray(values.astype(column.little_endian, casting="same_kind", copy=False))
     if fitted.dtype.kind in "iu" and not np.array_equal(fitted, values):
         raise ValueError(f"{schema.kind}: {column.name} has values that {column.dtype} cannot hold")
     return fitted

@@ -28,7 +28,7 @@ def salvage(path: Path, target: Path, provenance: Mapping[str, Any], *, force: b
         kept = np.setdiff1d(old.tasks, lost)
         if not kept.size:
             raise Damaged(f"{path} cannot be salvaged: no task of it holds; make it again with --force")
-        with open_work(target, old.schema, old.spec, force=force, provenance=provenance) as work:
+        with open_work(target, old.schema, old.spec, tasks=kept, force=force, provenance=provenance) as work:
             if not work.complete:
                 _save_rows(work, old, np.setdiff1d(kept, work.saved))
                 work.finish(np.union1d(kept, work.saved), _statics(old), provenance, old.inputs)
@@ -43,9 +43,11 @@ def merge(paths: Sequence[Path], target: Path, provenance: Mapping[str, Any], *,
     """
     with ExitStack() as stack:
         shards = [stack.enter_context(open_artefact(path)) for path in paths]
-        _refuse_strangers(shards)
+        tasks = _tasks_in_all(shards)
         largest = max(shards, key=lambda shard: int(shard.spec.get("tasks", 0)))
-        with open_work(target, largest.schema, largest.spec, force=force, provenance=provenance) as work:
+        with open_work(
+            target, largest.schema, largest.spec, tasks=tasks, force=force, provenance=provenance
+        ) as work:
             if work.complete:
                 return work.target
             for shard in shards:
@@ -64,7 +66,8 @@ def _save_rows(work: Work, old: Artefact, ids: Array) -> None:
         )
 
 
-def _refuse_strangers(shards: Sequence[Artefact]) -> None:
+def _tasks_in_all(shards: Sequence[Artefact]) -> Array:
+    """The ids of their tasks; Refused where they are strangers to one another."""
     first = shards[0]
     digests: dict[int, bytes] = {}
     for shard in shards:
@@ -77,6 +80,7 @@ def _refuse_strangers(shards: Sequence[Artefact]) -> None:
         for number, digest in zip(shard.tasks.tolist(), shard.digests, strict=True):
             if digests.setdefault(number, digest.tobytes()) != digest.tobytes():
                 raise Refused(f"task {number} of {shard.path} is another than in a file before it")
+    return np.array(sorted(digests), dtype=np.int64)
 
 
 def _static_names(artefact: Artefact) -> list[str]:

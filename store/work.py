@@ -32,6 +32,7 @@ def open_work(
     schema: Schema,
     spec: Spec,
     *,
+    tasks: Any = None,
     force: bool = False,
     wait: bool = False,
     provenance: Mapping[str, Any] | None = None,
@@ -39,14 +40,15 @@ def open_work(
 ) -> Iterator[Work]:
     """The work on `target`, locked against other processes until the block is left.
 
-    `spec["tasks"]`, where there is one, is a number n that stands for the ids 0 to n-1. `provenance` (its
-    "command" above all) is kept beside the parts, so that an unfinished artefact can say how to go on.
+    `spec["tasks"]`, where there is one, is a number n that stands for the ids 0 to n-1; `tasks` are those
+    of them that make it complete, all where None. `provenance` (its "command" above all) is kept beside the
+    parts, so that an unfinished artefact can say how to go on.
 
     Refused where there are other settings under that name or more tasks than asked for, unless `force`; Busy
     where another process writes it, unless `wait`; Damaged where what stands there cannot be trusted, unless
     `force`.
     """
-    work = Work(target, schema, spec, dict(provenance or {}), force=force, disk=disk)
+    work = Work(target, schema, spec, tasks, dict(provenance or {}), force=force, disk=disk)
     if work.look():
         work.sweep()
         yield work
@@ -65,7 +67,15 @@ class Work:
     """An artefact in the making. Made by `open_work`."""
 
     def __init__(
-        self, target: Path, schema: Schema, spec: Spec, provenance: dict[str, Any], *, force: bool, disk: Disk
+        self,
+        target: Path,
+        schema: Schema,
+        spec: Spec,
+        tasks: Any,
+        provenance: dict[str, Any],
+        *,
+        force: bool,
+        disk: Disk,
     ) -> None:
         canonical_json(spec)
         lack = missing(schema, part=False)
@@ -77,6 +87,7 @@ class Work:
         self.set_aside = 0
         self._schema = schema
         self._record = folder.Record(schema.kind, dict(spec), provenance)
+        self._wanted = np.arange(self.asked) if tasks is None else _checked_ids(tasks)
         self._force = force
         self._disk = disk
         self._places: dict[int, tuple[Path, int]] = {}  # task id: part file, row
@@ -93,7 +104,7 @@ class Work:
     @property
     def asked(self) -> int:
         """The number of tasks the spec asks for; 0 where it has none."""
-        return int(self._record.spec.get("tasks", 0))
+        return _asked(self._record.spec)
 
     def look(self) -> bool:
         """Whether the target stands there complete. Refused or Damaged where it stands in the way."""
@@ -102,7 +113,9 @@ class Work:
             return False
         with self._standing() as artefact:
             self._compare(artefact)
-            self.complete = artefact.task_count >= self.asked
+            self.complete = _asked(artefact.spec) == self.asked and bool(
+                np.isin(self._wanted, artefact.tasks).all()
+            )
             if self.complete:
                 self._digests = _by_id(artefact)
         return self.complete
@@ -132,8 +145,10 @@ class Work:
         if known:
             raise ValueError(f"tasks {known[:5]} are saved already")
         columns = encoding.checked(self._schema, self._schema.task_columns, rows, ids.size)
-        order = np.argsort(ids, kind="stable")
-        self._save({name: values[order] for name, values in columns.items()}, ids[order])
+        if (np.diff(ids) < 0).any():
+            order = np.argsort(ids)
+            ids, columns = ids[order], {name: values[order] for name, values in columns.items()}
+        self._save(columns, ids)
 
     def adopt(self, artefact: Artefact) -> None:
         """Take over the tasks of an artefact with the same spec apart from "tasks"; Refused otherwise."""
@@ -230,8 +245,8 @@ class Work:
     def _compare(self, artefact: Artefact, *, enough: bool = True) -> None:
         """Refused where `artefact` has other settings than this work or, with `enough`, more tasks."""
         other = difference(self._part_spec, without_tasks(artefact.spec))
-        if not other and enough and self.asked < artefact.task_count:
-            other = f"tasks: asked for {self.asked}, there is {artefact.task_count}"
+        if not other and enough and self.asked < _asked(artefact.spec):
+            other = f"tasks: asked for {self.asked}, there is {_asked(artefact.spec)}"
         if other:
             raise Refused(
                 f"{artefact.path} has other settings ({other}); give another name with -o, or --force"
@@ -411,6 +426,10 @@ def _refuse_odd(target: Path) -> None:
         return
     if not stat.S_ISREG(status.st_mode):
         raise Refused(f"{target} is no regular file, so it is not replaced; give another name with -o")
+
+
+def _asked(spec: Spec) -> int:
+    return int(spec.get("tasks", 0))
 
 
 def _checked_ids(tasks: Any) -> Array:
