@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.making import target_path
+from qinit_cli.commands.making import place, share_of
 from qinit_cli.commands.messages import note
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
 
     from qinit_cli.kernels.batch import Watch
 
-    path = target_path(output, plan.schema.kind, plan.stem, plan.spec)
-    missing = plan.count - _saved(path, plan, Path(output.store))
+    path, count = place(plan, output, work), len(share_of(plan.count, *work.share))
+    missing = max(0, count - _saved(path, plan, Path(output.store), share=count < plan.count))
     ids = np.arange(trial.count)
     trial.learn(ids, Watch())  # compiles, reads caches warm
     _, rows = trial.learn(ids, Watch())
@@ -57,11 +57,11 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
     growth = _growth(rows, episodes, tried)
     return Expected(
         path=str(path),
-        tasks=plan.count,
+        tasks=count,
         missing=missing,
         steps=round(per_task * growth * missing),
         seconds=float(seconds * growth * missing / work.threads),
-        bytes=round(_compression(trial, rows) * plan.schema.task_bytes * plan.count),
+        bytes=round(_compression(trial, rows) * plan.schema.task_bytes * count),
     )
 
 
@@ -77,13 +77,17 @@ def say_expected(expected: Expected, output: Output, display: Display) -> None:
     )
 
 
-def _saved(path: Path, plan: Plan, root: Path) -> int:
-    """How many of the tasks are saved already, in an artefact of the same settings or an unfinished one."""
+def _saved(path: Path, plan: Plan, root: Path, *, share: bool) -> int:
+    """How many of the tasks are saved already, in an artefact of the same settings or an unfinished one.
+
+    A share takes over from no artefact but its own.
+    """
     from store.catalog import Store
     from store.folder import tasks_saved, work_folder
 
-    relatives = [relative.tasks for relative in Store(root).relatives(plan.schema.kind, plan.spec)]
-    return min(plan.count, max(*relatives, tasks_saved(work_folder(path)), 0))
+    relatives = Store(root).relatives(plan.schema.kind, plan.spec)
+    finished = [one.tasks for one in relatives if not share or one.path == path]
+    return max(*finished, tasks_saved(work_folder(path)), 0)
 
 
 def _growth(rows: dict[str, Any], episodes: int, tried: int) -> float:

@@ -78,24 +78,27 @@ def make(plan: Plan, output: Output, work: Work, display: Display) -> Made:
     from store.reading import describe
     from store.work import open_work
 
-    share, shares = work.share
-    stem = plan.stem if shares == 1 else f"{plan.stem}-share-{share}-of-{shares}"
-    path = target_path(output, plan.schema.kind, stem, plan.spec)
+    path, asked = place(plan, output, work), share_of(plan.count, *work.share)
     origin = provenance(plan.read)
     with open_work(
-        path, plan.schema, plan.spec, force=output.force, wait=output.wait, provenance=origin
+        path, plan.schema, plan.spec, tasks=asked, force=output.force, wait=output.wait, provenance=origin
     ) as artefact:
-        asked = share_of(plan.count, share, shares)
         complete = artefact.complete
         if complete:
-            tally = Tally(plan.count, skipped=plan.count)
+            tally = Tally(len(asked), skipped=len(asked))
         else:
-            if shares == 1:  # a share holds its own tasks and no others
+            if len(asked) == plan.count:  # a share holds its own tasks and no others
                 _take_over(artefact, asked, plan, output, display)
-            complete = path.exists() and not output.force and set(asked) <= set(artefact.saved)
             tally = _learn_missing(artefact, asked, plan, work, display)
             artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
     return Made(path, describe(path).content_sha256, tally, complete)
+
+
+def place(plan: Plan, output: Output, work: Work) -> Path:
+    """Where the artefact goes; a share of it has a name of its own."""
+    share, shares = work.share
+    stem = plan.stem if shares == 1 else f"{plan.stem}-share-{share}-of-{shares}"
+    return target_path(output, plan.schema.kind, stem, plan.spec)
 
 
 def share_of(count: int, share: int, shares: int) -> Integers:

@@ -113,7 +113,9 @@ def train_sources(
         say_expected(foresee(plan, trial, tasks.learning.episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    sentence = f"{plan.count} tasks: already complete" if made.complete_before else _summary(made, tasks)
+    sentence = (
+        f"{made.tally.tasks} tasks: already complete" if made.complete_before else _summary(made, tasks)
+    )
     say_result(made, "qinit.train-sources/1", sentence, output, display)
 
 
@@ -163,13 +165,13 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
 
     tally = made.tally
     with open_artefact(made.path, "sources") as artefact:
-        solved = artefact.read("solved").astype(bool)
-    drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, np.arange(len(solved)))
+        solved, there = artefact.read("solved").astype(bool), artefact.tasks
+    drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, there)
     solvable = tasks.family.solvable(drawn, solved, tasks.learning.horizon)
-    learned = tally.tasks - tally.skipped
+    learned = tally.tasks - tally.skipped - tally.failed
     sentence = (
         f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
-        f"{solved.sum()} of {tally.tasks} solved"
+        f"{solved.sum()} of {len(there)} solved"
     )
     if not solvable.all():
         sentence += f", {(~solvable).sum()} cannot be"
@@ -177,12 +179,13 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
     if tasks.learner == "exact" or not tasks.family.tabular:
         return sentence
     errors = _errors(made.path, tasks)
-    worst = int(np.nanargmax(np.nanmedian(errors, axis=1)))
+    place = int(np.nanargmax(np.nanmedian(errors, axis=1)))
+    worst = int(there[place])
     tally.extra |= {
         "error_tasks": len(errors),
         "median_relative_error": float(np.nanmedian(errors)),
         "worst_task": worst,
-        "worst_median_relative_error": float(np.nanmedian(errors[worst])),
+        "worst_median_relative_error": float(np.nanmedian(errors[place])),
     }
     return (
         f"{sentence}; relative error against exact tables: median {tally.extra['median_relative_error']:.2%} over "

@@ -175,9 +175,9 @@ def transfer(
         say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    unsolvable = _unsolvable(made, targets, count)
+    unsolvable = _unsolvable(made, targets)
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
-    already = f"{method.label}, {count} targets: already complete"
+    already = f"{method.label}, {made.tally.tasks} targets: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
@@ -256,7 +256,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     )
 
 
-def _unsolvable(made: Made, targets: TargetTasks, count: int) -> int:
+def _unsolvable(made: Made, targets: TargetTasks) -> int:
     """Targets that neither the family's own rule nor any episode solved: they stay, and are counted."""
     import numpy as np
 
@@ -264,12 +264,13 @@ def _unsolvable(made: Made, targets: TargetTasks, count: int) -> int:
 
     with open_artefact(made.path, "run") as artefact:
         reached: Flags = np.asarray(artefact.read("reached").any(axis=1), np.bool_)
-    solvable = targets.family.solvable(targets.draw(np.arange(count)), reached, targets.learning.horizon)
+        drawn = targets.draw(artefact.tasks)
+    solvable = targets.family.solvable(drawn, reached, targets.learning.horizon)
     return int((~solvable).sum())
 
 
 def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
-    learned = tally.tasks - tally.skipped
+    learned = tally.tasks - tally.skipped - tally.failed
     sentence = f"{method.label}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
     if unsolvable:
         sentence += f"; {unsolvable} targets cannot be solved, and stay"
