@@ -135,7 +135,7 @@ def _sentence(error: Exception) -> tuple[str, int]:
 
 def _usage(error: typer.TyperException) -> str:
     """typer's message as one sentence, with the nearest names and where to read on."""
-    message = " ".join(error.format_message().split()).rstrip(".")
+    message = " ".join(error.format_message().replace("Value error, ", "").split()).rstrip(".")
     context = getattr(error, "ctx", None)
     if context is None or not message:  # without arguments typer has shown the help already
         return message

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from qinit_cli.fields import option
-from qinit_cli.methods.method import Initialisation, Method
+from qinit_cli.methods.method import Initial, Initialisation, Method
 from qinit_cli.methods.zero import Zero
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Floats
     from qinit_cli.fitted import Fit
     from qinit_cli.methods.targets import Targets
 
@@ -37,9 +36,10 @@ class Plus(Method):
         started = self.name if self.init == Zero.name else f"{self.name}+{self.init}"
         return " ".join([started, *self._changed()])
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
-        """The initialisation's start, (S, A), filled by its own rule where no source knows."""
-        return initialisations()[self.init]().initial(fit, targets).start
+    def initial(self, fit: Fit, targets: Targets) -> Initial:
+        """The initialisation's start, filled by its own rule where no source knows, with this method's other arrays."""
+        started = initialisations()[self.init]().initial(fit, targets)
+        return replace(started, potential=self.potential(fit, targets), policies=self.policies(fit, targets))
 
 
 def initialisations() -> dict[str, type[Method]]:

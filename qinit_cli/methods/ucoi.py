@@ -7,7 +7,7 @@ maximum where little is known, the mean where much is certain.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
 from qinit_cli.methods.method import Initialisation
@@ -23,6 +23,10 @@ class Ucoi(Initialisation):
     """UCOI, a reconstruction: between mean and max by how many sources agree how closely."""
 
     kappa: float = option(10.0, "Sources at which confidence in their mean is one half.", low=0)
+    # by its own formula: without a source confidence is 0, which leaves the maximum
+    fallback: Literal["zero", "largest"] = option(
+        "largest", "What stands where no source knows a pair: 0, or the largest value of the table."
+    )
 
     name: ClassVar[str] = "ucoi"
     formula: ClassVar[str] = "(1-b) mean + b max, b = 1 - c (1-u), c = n/(n+kappa), u = 2 sd/(max-min)"
