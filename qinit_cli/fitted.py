@@ -27,6 +27,38 @@ class FitOptions:
         "Leave out sources that could be solved but whose greedy path fails; unsolvable ones always are.",
     )
 
+    normality: Literal["shapiro", "anderson", "lilliefors", "none"] = option(
+        "shapiro",
+        "Test ln Q for normality per state-action: Shapiro-Wilk, Anderson-Darling or Lilliefors.",
+        panel="Statistics",
+    )
+    eopl_normality: Literal["rounded", "dither", "none"] = option(
+        "none",
+        "Test the path lengths, which are whole numbers: against the rounded normal (a bootstrap, 3 s at the paper's "
+        "size), or by Shapiro-Wilk with U(-.5, .5) added.",
+        panel="Statistics",
+    )
+    alternatives: bool = option(
+        False,
+        "Set the log-normal against normal, gamma, Weibull, beta and the empirical distribution, by AIC and held-out "
+        "log score (5 s).",
+        panel="Statistics",
+    )
+    # tasks are independent draws, so the last are as good as any; the library stays that of the first
+    holdout: int = option(
+        0,
+        "Leave the last N usable sources out of the fit, and tell how far each initialisation's start is from their "
+        "tables.",
+        low=0,
+        metavar="N",
+        panel="Statistics",
+    )
+    check_theory: bool = option(
+        False,
+        "Set ln Q beside what the path lengths predict (propositions 1 to 5).",
+        panel="Statistics",
+    )
+
     def __post_init__(self) -> None:
         check(self)
 

@@ -48,6 +48,8 @@ def normality(values: Floats, counted: Flags, test: NormalityTest = shapiro_wilk
     for at, ordered in samples(values, counted):
         n[at] = ordered.shape[1]
         spread = is_testable(ordered)
+        if not spread.any():  # no test has weights for samples of any size
+            continue
         statistic[at[spread]], p[at[spread]] = test(ordered[spread])
         skewness[at[spread]], kurtosis[at[spread]] = _shape(ordered[spread])
     return Normality(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -12,6 +14,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
+    from qinit_cli.arrays import Flags
     from qinit_cli.environments import Family
     from qinit_cli.stages.fit import Selection
     from store.reading import Artefact
@@ -34,55 +37,112 @@ def add_to(app: typer.Typer) -> None:
 
 def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> None:
     """Fits the sources, publishes the fit and prints its path."""
-    from qinit_cli import specs
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
+    from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.making import Made, Tally, provenance, say_result, target_path
-    from qinit_cli.commands.train_sources import action_axis
     from qinit_cli.environments import family_of
     from qinit_cli.stages import fit as stage
+    from qinit_cli.stages.fit_findings import findings
     from store.reading import describe, open_artefact
-    from store.schema import fit_schema
     from store.work import open_work
 
     path = references.one(sources, output.store)
     with open_artefact(path, "sources") as source:
-        if source.spec["role"] != "source":
+        # artefacts of the first version have no role: there were no others
+        if source.spec.get("role", "source") != "source":
             raise NotAllowed(
                 f"{path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
             )
         family = family_of(source.spec)
-        selection = _selection(source, family, fitting)
+        selection, held = stage.hold_out(_selection(source, family, fitting), fitting.holdout)
         count = int(selection.kept.sum())
-        spec = specs.fit(source.spec, [source.content_sha256], fitting)
-        library = stage.library_size(selection, fitting)
-        schema = fit_schema(family.axes(), action_axis(family), library)
+        spec = _spec(source, fitting)
+        schema = _schema(family, fitting, stage.library_size(selection, fitting))
         target = target_path(output, "fit", f"{family.label}-{count}-{fitting.estimator}", spec)
         if output.dry_run:
             say_expected(Expected(str(target), count, 0, 0, 0.0, _bytes(schema)), output, display)
             return
-        tally = Tally(
-            tasks=count, extra={"unsolvable": selection.unsolvable, "unlearned": selection.unlearned}
-        )
         origin = provenance(path)
         with open_work(
             target, schema, spec, force=output.force, wait=output.wait, provenance=origin
         ) as artefact:
             complete = artefact.complete
-            sentence = "fit: already complete"
             if not complete:
-                blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
-                arrays = stage.fit(blocks, selection, fitting)
+                arrays = _arrays(source, family, selection, held, fitting)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
-                sentence = _summary(arrays, selection)
-    tally.skipped = count if complete else 0
+    if complete:
+        with open_artefact(target, "fit") as made:
+            arrays = {column.name: made.read(column.name) for column in made.schema.static_columns}
+    names = {axis.name: axis.values for axis in schema.axes}
+    found = findings(arrays | names, spec)
+    sentence = "fit: already complete" if complete else _summary(arrays, selection)
+    tally = Tally(
+        tasks=count,
+        skipped=count if complete else 0,
+        extra={
+            "unsolvable": selection.unsolvable,
+            "unlearned": selection.unlearned,
+            "held_out": int(held.sum()),
+            "statistics": found,
+        },
+    )
     say_result(
         Made(target, describe(target).content_sha256, tally, complete),
         "qinit.fit/1",
-        sentence,
+        "\n".join([sentence, *lines(found)]),
         output,
         display,
     )
+
+
+def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
+    """The fit's spec; the starts that are judged are those of the methods there are."""
+    from qinit_cli import specs
+    from qinit_cli.methods.plus import initialisations
+
+    spec = specs.fit(source.spec, [source.content_sha256], fitting)
+    return spec | {"initialisations": list(initialisations())} if fitting.holdout else spec
+
+
+def _schema(family: Family, fitting: FitOptions, library: int) -> Schema:
+    from qinit_cli.commands.train_sources import action_axis
+    from qinit_cli.stages.fit_statistics import contents
+    from store.fit_statistics import fit_statistics
+    from store.schema import fit_schema
+
+    action = action_axis(family)
+    state_action = (*(axis.name for axis in family.axes()), action.name)
+    return fit_schema(family.axes(), action, library, *fit_statistics(contents(fitting), state_action))
+
+
+def _arrays(
+    source: Artefact, family: Family, selection: Selection, held: Flags, fitting: FitOptions
+) -> dict[str, Any]:
+    """All that the fit holds, by name."""
+    from qinit_cli.fitted import Fit
+    from qinit_cli.stages import fit as stage
+    from qinit_cli.stages import fit_statistics
+
+    origin = fit_statistics.Origin(family, float(source.spec["learning"]["gamma"]), int(source.spec["seed"]))
+    names = fit_statistics.columns(fitting, family)
+    sample = fit_statistics.Sample(selection.kept, origin.seed, names)
+    blocks = source.blocks(dict.fromkeys(("q", "td_var", "eopl", *names)), stage.BLOCK)
+    arrays = stage.fit(sample.reading(blocks), selection, fitting)
+    arrays |= fit_statistics.statistics(sample.columns, origin, fitting)
+    if held.any():
+        fitted = Fit.from_arrays(arrays, math.prod(family.shape), fitting.estimator)
+        first = int(held.argmax())
+        arrays |= fit_statistics.held_out_errors(_rows(source, first), held[first:], fitted, origin)
+    return arrays
+
+
+def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
+    """The tasks from the `first` on, in blocks."""
+    from qinit_cli.stages.fit import BLOCK
+
+    for start in range(first, source.task_count, BLOCK):
+        yield source.rows(start, min(start + BLOCK, source.task_count))
 
 
 def _selection(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
@@ -103,9 +163,11 @@ def _selection(source: Artefact, family: Family, fitting: FitOptions) -> Selecti
         first = rows.stop
     horizon = int(source.spec["learning"]["horizon"])
     selection = select(family, tasks, solved, horizon, fitting)
-    if (count := int(selection.kept.sum())) < FEWEST_SOURCES:
+    count = int(selection.kept.sum())
+    if count - fitting.holdout < FEWEST_SOURCES:
+        left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
-            f"{source.path} has {count} sources to fit ({selection.unsolvable} cannot be solved, {selection.unlearned} "
+            f"{source.path} has {count} sources to fit{left_out} ({selection.unsolvable} cannot be solved, {selection.unlearned} "
             f"were not learned); a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
         )
     return selection
@@ -113,8 +175,6 @@ def _selection(source: Artefact, family: Family, fitting: FitOptions) -> Selecti
 
 def _bytes(schema: Schema) -> int:
     """The fit's size in memory; on disk it is compressed."""
-    import math
-
     return sum(
         math.prod(schema.row_shape(column)) * column.little_endian.itemsize
         for column in schema.static_columns

@@ -96,6 +96,13 @@ class Family(Protocol):
         """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper."""
         ...
 
+    def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
+        """ln of the chance that each step of a path goes where it most likely goes, or what stretches to that.
+
+        `lengths` (B, S, A) are the paths'; where they are below 1 the value means nothing. NotAllowed where no path has a chance.
+        """
+        ...
+
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
         """Whether the path greedy in `q` (B, S, A) from the target start reaches the goal within the horizon, (B,)."""
         ...

@@ -207,6 +207,27 @@ class Gridworld:
         gridworld_exact.path_lengths(self._goals(tasks), tasks["p"].copy(), self.size, q, eopl)
         return eopl
 
+    def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
+        """ln of the chance of the path, (B, S, 4): every step after the first moves, and does so with chance p."""
+        import numpy as np
+
+        p = tasks["p"][:, None, None]
+        slip = (1 - p) / 3
+        # the first step may be meant for a wall, and stays as often as any of the cell's walls is met
+        wall = self._walls()
+        walls = wall.sum(axis=1, keepdims=True)
+        first = np.maximum(np.where(wall, p + (walls - 1) * slip, p), walls * slip)
+        ways: Floats = np.log(first) + (lengths - 1) * np.log(p)
+        return ways
+
+    def _walls(self) -> Flags:
+        """Whether each action of each cell is stopped by a wall, (S, 4)."""
+        import numpy as np
+
+        row, column = np.divmod(np.arange(self.size**2), self.size)
+        last = self.size - 1
+        return np.stack([row == 0, row == last, column == 0, column == last], axis=1)
+
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
         """Whether the greedy path from the target start reaches the goal within the horizon, (B,)."""
         import numpy as np

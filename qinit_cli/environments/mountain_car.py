@@ -170,6 +170,14 @@ class MountainCar:
         mountain_car_paths.path_lengths(tasks["eta"].copy(), self.hill, self.bins, q, horizon, eopl)
         return eopl
 
+    def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
+        """0, (1, 1, 1): given the push every step is certain; NotAllowed where pushes are drawn every step."""
+        import numpy as np
+
+        if self.noise_per == "step":
+            raise NotAllowed("with --noise-per step pushes have a density, and no path has a chance")
+        return np.zeros((1, 1, 1))
+
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
         """Whether the greedy path from the target start, at rest at x = -0.5, arrives within the horizon, (B,)."""
         import numpy as np

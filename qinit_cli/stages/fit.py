@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import Family
@@ -38,6 +38,16 @@ def select(family: Family, tasks: Tasks, solved: Flags, horizon: int, options: F
     return Selection(kept, int((~solvable).sum()), int(unlearned.sum()))
 
 
+def hold_out(selection: Selection, count: int) -> tuple[Selection, Flags]:
+    """The selection without the last `count` sources it keeps, and which these are, (N,)."""
+    import numpy as np
+
+    kept = np.flatnonzero(selection.kept)
+    held = np.zeros_like(selection.kept)
+    held[kept[max(0, len(kept) - count) :]] = True
+    return replace(selection, kept=selection.kept & ~held), held
+
+
 def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> dict[str, Any]:
     """The arrays of a fit, state axes as in the blocks; memory is that of a block and the library.
 
@@ -48,7 +58,7 @@ def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> d
     from qinit_cli.analysis.moments import source_moments
 
     library = _Library(library_size(selection, options))
-    kept = _kept(blocks, selection.kept)
+    kept = kept_of(blocks, selection.kept)
     moments = source_moments((block["q"], block["eopl"]) for block in library.reading(kept))
     return _tables(moments, options.estimator) | {
         "value_mean": moments.value.mean,
@@ -63,8 +73,8 @@ def library_size(selection: Selection, options: FitOptions) -> int:
     return min(int(selection.kept.sum()), options.library)
 
 
-def _kept(blocks: Iterable[Block], kept: Flags) -> Iterator[Block]:
-    """The blocks with only the sources that are kept; those without any are passed over."""
+def kept_of(blocks: Iterable[Block], kept: Flags) -> Iterator[Block]:
+    """The blocks, a partition of the tasks that `kept` (N,) is of, with only those; blocks without any are passed over."""
     first = 0
     for block in blocks:
         chosen = kept[first : first + len(block["task"])]

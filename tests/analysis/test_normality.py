@@ -100,6 +100,15 @@ def test_too_few_tasks_or_equal_ones_are_not_testable() -> None:
     np.testing.assert_array_equal(found.n, [7, 20, 20])
 
 
+@pytest.mark.parametrize("tasks", range(1, 8))
+@pytest.mark.parametrize("name", ["shapiro-wilk", "anderson-darling", "lilliefors"])
+def test_samples_of_any_small_size_are_not_testable(tasks: int, name: str) -> None:
+    values = np.random.default_rng(0).normal(size=(tasks, 2))
+    found = normality(values, np.ones(values.shape, dtype=bool), named_tests(np.random.default_rng(0))[name])
+    assert np.isnan(found.p).all()
+    assert (found.n == tasks).all()
+
+
 def test_the_papers_grid_takes_less_than_a_second_of_processor_time() -> None:
     values = mixed(100, (30, 30, 4))
     normality(values[:, :2], np.ones((100, 2, 30, 4), dtype=bool))  # the imports are not what is measured
