@@ -51,7 +51,7 @@ class Plan:
     spec: Mapping[str, Any]
     schema: Schema
     learn: Learn  # the rows of some tasks
-    kernel: tuple[str, str]  # the compiled function that it waits for: file, function
+    compiled: str  # what names the compiled code that it needs: one choice of kernel and features
     what: str  # on the line of progress
     read: Path | None = None  # the artefact it is made from
     inputs: Sequence[Mapping[str, str]] = ()
@@ -159,10 +159,11 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
     import numpy as np
 
     from qinit_cli.kernels.batch import Watch
+    from qinit_cli.kernels.compiled import note_compiled
 
     missing = np.setdiff1d(asked, artefact.saved)
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
-    _say_what_is_there(artefact, tally, plan.kernel, display)
+    _say_what_is_there(artefact, tally, plan.compiled, display)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
     with (
@@ -183,6 +184,8 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
                 if work.fail_fast:
                     watch.stop()
         waiting.save()
+    if tally.steps or tally.seconds:
+        note_compiled(plan.compiled)
     saved = f"{len(artefact.saved)} of {len(asked)} tasks are saved"
     if received:
         raise Interrupted(f"stopped: {saved}; the same command goes on with the rest", 128 + received[0])
@@ -217,7 +220,7 @@ def say_result(made: Made, schema: str, sentence: str, output: Output, display: 
         raise TasksFailed(f"{tally.failed} of {tally.tasks} tasks failed; the same command tries them again")
 
 
-def _say_what_is_there(artefact: StoreWork, tally: Tally, kernel: tuple[str, str], display: Display) -> None:
+def _say_what_is_there(artefact: StoreWork, tally: Tally, compiled: str, display: Display) -> None:
     from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
 
     if tally.skipped:
@@ -229,8 +232,8 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, kernel: tuple[str, str
         )
     if statement := cache_statement():
         note(display, statement)
-    elif tally.skipped < tally.tasks and needs_compiling(*kernel):
-        note(display, "compiling the kernels, once")
+    elif tally.skipped < tally.tasks and needs_compiling(compiled):
+        note(display, "compiling the kernels, once: some seconds")
     detail(display, f"compiled kernels: {cache_folder()}")
 
 

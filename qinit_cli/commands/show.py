@@ -162,8 +162,9 @@ def _say_compiling(artefact: Artefact, display: Display) -> None:
     if artefact.kind == "sources" and artefact.spec["learner"] != "exact":
         from qinit_cli.kernels.compiled import needs_compiling
 
-        if needs_compiling(artefact.spec["family"]["name"].replace("-", "_")):
-            note(display, "compiling the kernels, once")
+        family = artefact.spec["family"]["name"]
+        if needs_compiling(f"{family}-sources") and needs_compiling(f"{family}-exact"):
+            note(display, "compiling the kernels, once: some seconds")
 
 
 def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Console) -> None:

@@ -127,13 +127,12 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
 
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
-    kernel = tasks.family.name.replace("-", "_")
     return Plan(
         stem=f"{tasks.family.label}{'-exact' if exact else ''}{role}-{count}-seed-{tasks.seed}",
         spec=specs.sources(tasks, count),
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
-        kernel=(f"{kernel}_exact", "solve") if exact else (kernel, "advance"),
+        compiled=f"{tasks.family.name}-{'exact' if exact else 'sources'}",
         what="sources" if tasks.role == "source" else "optimal tables",
     )
 

@@ -200,7 +200,7 @@ def _plan(
         spec=specs.run(method, targets, count, [given["content_sha256"] for given in inputs]),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
-        kernel=(targets.family.name.replace("-", "_"), "advance"),
+        compiled=_compiled(targets, initial),
         what=method.label,
         read=known.path,
         inputs=inputs,
@@ -211,6 +211,16 @@ def _plan(
 def _in_a_name(label: str) -> str:
     """The label as it may stand in an artefact's name."""
     return re.sub(r"[^A-Za-z0-9._-]", "-", label.replace("+", "-plus-"))
+
+
+def _compiled(targets: TargetTasks, initial: Initial) -> str:
+    """What names the compiled code that these targets need: features that are not used are not compiled in."""
+    features = {
+        "shaped": initial.potential.any(),
+        "following": len(initial.policies.actions) > 0,
+        "evaluated": targets.evaluate_every > 0,
+    }
+    return "-".join([targets.family.name, "targets", *(name for name, used in features.items() if used)])
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:

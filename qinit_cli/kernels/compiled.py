@@ -47,10 +47,16 @@ def cache_statement() -> str | None:
     )
 
 
-def needs_compiling(kernel: str, function: str = "advance") -> bool:
-    """True if no machine code of this kernel ("gridworld") is kept yet: its first call takes seconds."""
+def needs_compiling(job: str) -> bool:
+    """True if nobody has noted yet that what this job ("gridworld-sources") calls is compiled: that takes seconds."""
     folder = cache_folder()
-    return folder is None or not any(folder.glob(f"**/{kernel}.{function}-*.nbi"))
+    return folder is None or not (folder / f"{job}.compiled").exists()
+
+
+def note_compiled(job: str) -> None:
+    """Notes that all that this job calls has been compiled and kept."""
+    if (folder := cache_folder()) is not None:
+        (folder / f"{job}.compiled").touch()
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -28,11 +28,10 @@ def test_machine_code_is_kept_beneath_the_folder_the_user_chose(
     assert folder is not None
     assert folder.is_relative_to(tmp_path / "chosen" / "qinit")
     assert compiled.cache_statement() is None
-    assert compiled.needs_compiling("gridworld")
-    (folder / "there").mkdir()
-    (folder / "there" / "gridworld.advance-7.py311.nbi").touch()
-    assert not compiled.needs_compiling("gridworld")
-    assert compiled.needs_compiling("mountain_car")
+    assert compiled.needs_compiling("gridworld-sources")
+    compiled.note_compiled("gridworld-sources")
+    assert not compiled.needs_compiling("gridworld-sources")
+    assert compiled.needs_compiling("gridworld-targets")
 
 
 @pytest.mark.usefixtures("afresh")
@@ -65,7 +64,8 @@ def test_a_folder_that_cannot_be_written_is_told_with_the_remedy(
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     assert compiled.cache_folder() is None
-    assert compiled.needs_compiling("gridworld")
+    compiled.note_compiled("gridworld-sources")
+    assert compiled.needs_compiling("gridworld-sources")
     assert "set NUMBA_CACHE_DIR" in (compiled.cache_statement() or "")
 
 
