@@ -92,6 +92,7 @@ class Work:
         self._disk = disk
         self._places: dict[int, tuple[Path, int]] = {}  # task id: part file, row
         self._digests: dict[int, bytes] = {}
+        self._standing_ids: set[int] = set()  # of the tasks in the artefact that is there already
         self._replaces = force
         self._published = False
         self._failure: SystemFailed | None = None
@@ -113,9 +114,9 @@ class Work:
             return False
         with self._standing() as artefact:
             self._compare(artefact)
-            self.complete = _asked(artefact.spec) == self.asked and bool(
-                np.isin(self._wanted, artefact.tasks).all()
-            )
+            self._standing_ids = set(artefact.tasks.tolist())
+            same = _asked(artefact.spec) == self.asked
+            self.complete = same and self._standing_ids.issuperset(self._wanted.tolist())
             if self.complete:
                 self._digests = _by_id(artefact)
         return self.complete
@@ -190,9 +191,8 @@ class Work:
         """Take the work folder away where it holds nothing that would be missed; it is locked."""
         if self._published or not self.folder.is_dir():
             return
-        parts = folder.part_paths(self.folder)
-        missed = any(self._holds_more(path) for path in parts) if self.complete else parts or self.set_aside
-        if not missed:
+        lost = self.set_aside and not self.complete
+        if not lost and not any(self._holds_more(path) for path in folder.part_paths(self.folder)):
             folder.remove_folder(self.folder, self._disk)
 
     def sweep(self) -> None:
@@ -266,7 +266,7 @@ class Work:
         """Whether a part file has tasks the artefact lacks, or belongs to other settings."""
         kept = folder.read_record(self.folder)
         other = kept is not None and bool(self._other_settings(kept.spec))
-        return other or bool(self._ids(path) - self._digests.keys())
+        return other or bool(self._ids(path) - self._standing_ids)
 
     def _ids(self, path: Path) -> set[int]:
         """The ids in a part file; none where it cannot be trusted."""
