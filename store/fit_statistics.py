@@ -56,12 +56,16 @@ def fit_statistics(
 def _normality(prefix: str, quantity: str, test: str, dims: tuple[str, ...]) -> list[Column]:
     named = (
         ("n", "i4", "tasks tested"),
-        ("w", "f8", f"statistic of {test}"),
+        ("w", "f8", f"{_statistic(test)} of {test}"),
         ("p", "f8", f"raw p of {test}"),
         ("skewness", "f8", f"skewness of {quantity}"),
         ("kurtosis", "f8", f"excess kurtosis of {quantity}"),
     )
     return [Column(f"{prefix}_{name}", dims, dtype, long_name=text) for name, dtype, text in named]
+
+
+def _statistic(test: str) -> str:
+    return {"Anderson-Darling": "A squared", "Lilliefors": "D"}.get(test, "W")
 
 
 def _held_out() -> list[Column]:
