@@ -6,13 +6,16 @@ Kernels run without the interpreter's lock, so threads use every core; a cluster
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.kernels.batch import Watch
+
+    Learn = Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
 
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
@@ -37,7 +40,7 @@ class Outcome:
 class Careful:
     """Learns a batch; where that fails, one task at a time, so that a bad task does not take others with it."""
 
-    learn: Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
+    learn: Learn
     watch: Watch
 
     def __call__(self, batch: Integers) -> Outcome:
@@ -62,6 +65,25 @@ def _together(outcomes: list[Outcome]) -> Outcome:
     )
 
 
+Crew = Callable[
+    ["Integers", Callable[[], None]], Iterator[Outcome]
+]  # outcomes of tasks; calls the second now and then
+
+
+@contextmanager
+def threads_here(jobs: int, learn: Learn, watch: Watch) -> Iterator[Crew]:
+    """So many threads of this process, as a crew that learns."""
+    with ThreadPoolExecutor(jobs) as threads:
+        yield lambda tasks, tick: results(
+            threads,
+            lambda: jobs,
+            Careful(learn, watch),
+            batches(tasks, jobs),
+            lambda: watch.stopped,
+            tick,
+        )
+
+
 def batches(tasks: Integers, jobs: int) -> list[Integers]:
     """The task ids in batches of at most BATCH, as many for one worker as for another; no number depends on it."""
     import numpy as np
@@ -72,7 +94,7 @@ def batches(tasks: Integers, jobs: int) -> list[Integers]:
 
 def results(
     executor: Executor,
-    jobs: int,
+    jobs: Callable[[], int],
     learn: Callable[[Batch], Result],
     waiting: Iterable[Batch],
     stopped: Callable[[], bool],
@@ -87,7 +109,9 @@ def results(
     try:
         while True:
             while (
-                not stopped() and len(running) < IN_FLIGHT * jobs and (batch := next(ahead, None)) is not None
+                not stopped()
+                and len(running) < IN_FLIGHT * jobs()
+                and (batch := next(ahead, None)) is not None
             ):
                 running.add(executor.submit(learn, batch))
             if not running:

@@ -31,7 +31,7 @@ def _double(batch: int) -> int:
 
 def test_every_result_comes_once() -> None:
     with ThreadPoolExecutor(3) as threads:
-        found = list(results(threads, 3, _double, range(50), lambda: False, lambda: None))
+        found = list(results(threads, lambda: 3, _double, range(50), lambda: False, lambda: None))
     assert sorted(found) == [2 * batch for batch in range(50)]
 
 
@@ -49,7 +49,7 @@ def test_no_more_than_two_batches_a_worker_are_taken_ahead() -> None:
 
     with ThreadPoolExecutor(2) as threads:
         stop = threading.Event()
-        found = results(threads, 2, wait_first, endless(), stop.is_set, gate.set)
+        found = results(threads, lambda: 2, wait_first, endless(), stop.is_set, gate.set)
         next(found)
         assert len(taken) <= 2 * 2 + 1
         stop.set()
@@ -66,7 +66,7 @@ def test_once_stopped_nothing_new_begins_and_what_runs_is_still_given() -> None:
 
     with ThreadPoolExecutor(1) as threads:
         found = []
-        for result in results(threads, 1, learn, range(100), stop.is_set, lambda: None):
+        for result in results(threads, lambda: 1, learn, range(100), stop.is_set, lambda: None):
             found.append(result)
             stop.set()
     assert sorted(found) == sorted(begun)
@@ -81,7 +81,7 @@ def test_an_exception_of_a_batch_is_raised_and_the_rest_is_cancelled() -> None:
         raise ArithmeticError(f"batch {batch}")
 
     with ThreadPoolExecutor(1) as threads, pytest.raises(ArithmeticError, match="batch 0"):
-        list(results(threads, 1, learn, range(100), lambda: False, lambda: None))
+        list(results(threads, lambda: 1, learn, range(100), lambda: False, lambda: None))
     assert len(begun) <= 2
 
 
@@ -93,4 +93,4 @@ def test_progress_is_looked_at_while_a_batch_runs() -> None:
         return batch
 
     with ThreadPoolExecutor(1) as threads:
-        assert list(results(threads, 1, learn, [7], lambda: False, gate.set)) == [7]
+        assert list(results(threads, lambda: 1, learn, [7], lambda: False, gate.set)) == [7]

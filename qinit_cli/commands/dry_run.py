@@ -60,9 +60,17 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
         tasks=count,
         missing=missing,
         steps=round(per_task * growth * missing),
-        seconds=float(seconds * growth * missing / work.threads),
+        seconds=float(seconds * growth * missing / _jobs(work)),
         bytes=round(_compression(trial, rows) * plan.schema.task_bytes * count),
     )
+
+
+def _jobs(work: Work) -> int:
+    if work.dask is None:
+        return work.threads
+    from qinit_cli import cluster
+
+    return cluster.threads(work.dask)
 
 
 def say_expected(expected: Expected, output: Output, display: Display) -> None:

@@ -46,6 +46,12 @@ class Work:
         metavar="K/N",
         default_text="all tasks",
     )
+    dask: str | None = option(
+        None,
+        "Learn on the Dask cluster of this scheduler.",
+        metavar="ADDRESS|SCHEDULER-FILE",
+        default_text="threads here",
+    )
     fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.")
 
     def __post_init__(self) -> None:
@@ -54,6 +60,19 @@ class Work:
             shape = re.fullmatch(r"(\d+)/(\d+)", self.shard)
             if shape is None or not 1 <= int(shape[1]) <= int(shape[2]):
                 raise ValueError(f"--shard is {self.shard}; it must be K/N with K from 1 to N, such as 2/4")
+        if self.dask is not None:
+            self._check_dask(self.dask)
+
+    def _check_dask(self, place: str) -> None:
+        if self.jobs is not None:
+            raise ValueError(
+                "--jobs counts threads of this process and --dask uses none; leave one of them out"
+            )
+        if re.fullmatch(r"\w+://[^\s/]+:\d{1,5}", place) is None and not os.path.isfile(place):
+            raise ValueError(
+                f"--dask is {place!r}; it must be an address such as tcp://127.0.0.1:8786, or a file that "
+                "dask scheduler --scheduler-file wrote"
+            )
 
     @property
     def share(self) -> tuple[int, int]:

@@ -6,8 +6,8 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,16 +16,15 @@ from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import Progress, detail, note
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
-from qinit_cli.workforce import Careful, batches, results
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.kernels.batch import Watch
+    from qinit_cli.workforce import Crew, Learn
     from store.schema import Schema
     from store.work import Work as StoreWork
 
     Rows = dict[str, Any]
-    Learn = Callable[[Integers, Watch], tuple[Integers, Rows]]
 
 SAVE_SECONDS = 2.0  # of learning that a power cut may cost
 SAVE_BYTES = 64 * 2**20  # that wait in memory to be saved
@@ -163,19 +162,17 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
 
     missing = np.setdiff1d(asked, artefact.saved)
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
-    _say_what_is_there(artefact, tally, plan.compiled, display)
+    _say_what_is_there(artefact, tally, display)
+    if work.dask is None and len(missing):  # workers elsewhere have caches of their own
+        _say_compiling(plan.compiled, display)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
     with (
+        _crew(plan, work, watch) as crew,
         signals.asking_first(watch.stop) as received,
-        ThreadPoolExecutor(work.threads) as threads,
         Progress(display, plan.what, tally.skipped, len(asked), watch) as progress,
     ):
-        jobs = work.threads
-        learn = Careful(plan.learn, watch)
-        for learned in results(
-            threads, jobs, learn, batches(missing, jobs), lambda: watch.stopped, progress.tick
-        ):
+        for learned in crew(missing, progress.tick):
             waiting.add(learned.ids, learned.rows)
             progress.advance(len(learned.ids))
             for task, error in learned.failures:
@@ -184,7 +181,7 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
                 if work.fail_fast:
                     watch.stop()
         waiting.save()
-    if tally.steps or tally.seconds:
+    if work.dask is None and (tally.steps or tally.seconds):
         note_compiled(plan.compiled)
     saved = f"{len(artefact.saved)} of {len(asked)} tasks are saved"
     if received:
@@ -192,6 +189,17 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
     if tally.failed and (work.fail_fast or not len(artefact.saved)):
         raise TasksFailed(f"stopped after a task failed: {saved}; the same command goes on with the rest")
     return tally
+
+
+def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
+    """Who learns: the cluster that was named, else threads of this process."""
+    if work.dask is not None:
+        from qinit_cli import cluster
+
+        return cluster.crew(work.dask, plan.learn, watch, plan.schema.task_bytes)
+    from qinit_cli.workforce import threads_here
+
+    return threads_here(work.threads, plan.learn, watch)
 
 
 def _failure(task: int, error: Exception, plan: Plan) -> str:
@@ -220,9 +228,7 @@ def say_result(made: Made, schema: str, sentence: str, output: Output, display: 
         raise TasksFailed(f"{tally.failed} of {tally.tasks} tasks failed; the same command tries them again")
 
 
-def _say_what_is_there(artefact: StoreWork, tally: Tally, compiled: str, display: Display) -> None:
-    from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
-
+def _say_what_is_there(artefact: StoreWork, tally: Tally, display: Display) -> None:
     if tally.skipped:
         note(display, f"{tally.skipped} of {tally.tasks} tasks are saved already")
     if artefact.set_aside:
@@ -230,9 +236,14 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, compiled: str, display
             display,
             f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again",
         )
+
+
+def _say_compiling(compiled: str, display: Display) -> None:
+    from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
+
     if statement := cache_statement():
         note(display, statement)
-    elif tally.skipped < tally.tasks and needs_compiling(compiled):
+    elif needs_compiling(compiled):
         note(display, "compiling the kernels, once: some seconds")
     detail(display, f"compiled kernels: {cache_folder()}")
 

@@ -1,0 +1,377 @@
+"""Learning on a Dask cluster, through the same seam as threads: only this process, the head, writes anything.
+
+Imported only with --dask, and by the workers. Dask sends a batch again to another worker when its worker dies, and every
+batch answers once, so nothing is counted twice; numbers do not depend on where or in what batches tasks are learned.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import platform
+import threading
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
+
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.kernels.batch import Watch
+from qinit_cli.workforce import IN_FLIGHT, Careful, Outcome, batches, results
+from store.errors import SystemFailed
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from qinit_cli.arrays import Integers
+    from qinit_cli.workforce import Crew, Learn
+
+SCHEDULER_SECONDS = 5.0  # that a scheduler may take to answer
+WORKER_SECONDS = 10.0  # that the first worker may take to appear
+CLOSE_SECONDS = (
+    2.0  # that workers may take to hand in what they have once a signal came, and the client to close
+)
+LOOK_SECONDS = 1.0  # between two looks at how many threads the cluster has
+OVERHEAD = 1e-3  # seconds of head and scheduler per batch, measured (docs/cluster.md) ...
+OVERHEAD_SHARE = 0.02  # ... and the share of a batch's work that it may come to
+MOST_BYTES = 64 * 2**20  # of rows that travel together
+SAME = ("qinit", "numpy", "numba", "distributed")  # packages whose versions must not differ
+
+
+class WorkersDied(Exception):
+    """The workers that learned a batch died, again and again."""
+
+
+class Unequal(Exception):
+    """A worker that came later has other versions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Errand:
+    """What a worker does: learns batches. It travels to each worker once."""
+
+    run: str  # tells this run's batches from those of others on the same worker
+    learn: Learn
+    versions: dict[str, str]  # of the head
+
+    def __call__(self, batch: Integers) -> Outcome:
+        """The outcome of the tasks with these ids; nothing once the run was stopped. Unequal if versions differ."""
+        if versions() != self.versions:
+            raise Unequal(_difference(self.versions, versions()))
+        watch = _watch(self.run)
+        return Outcome(batch[:0], {}) if watch is None else Careful(self.learn, watch)(batch)
+
+
+@contextmanager
+def crew(place: str, learn: Learn, watch: Watch, task_bytes: int) -> Iterator[Crew]:
+    """The workers of the cluster at an address, or of a scheduler file, as a crew that learns.
+
+    UsageError without the package, SystemFailed (7) without a scheduler or workers or once the scheduler is lost, NotAllowed
+    (4) where versions differ. Once `watch` is stopped, workers hand in what is finished and the rest is cancelled.
+    """
+    with connected(place) as client:
+        cluster = Cluster(client, place, learn, watch)
+        with cluster:
+            yield partial(cluster.outcomes, task_bytes)
+    cluster.complain()
+
+
+@contextmanager
+def connected(place: str) -> Iterator[Client]:
+    """A client of the cluster, of which one worker at least has come and none has other versions."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UsageError("--dask needs the package distributed: pip install 'qinit[dask]'") from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in a sentence of ours
+    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)  # a batch cancelled as it ends
+    address = _address(place)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about versions: those that matter are compared below
+            client = Client(address, timeout=SCHEDULER_SECONDS, set_as_default=False, name="qinit")
+    except (OSError, ValueError) as error:
+        raise SystemFailed(
+            f"no Dask scheduler answers at {address} within {SCHEDULER_SECONDS:.0f} s; start one with dask scheduler, "
+            "or leave out --dask"
+        ) from error
+    try:
+        _expect_workers(client, address)
+        _refuse_other_versions(client)
+        yield client
+    finally:
+        with suppress(OSError, RuntimeError):  # a scheduler that is gone cannot be told good-bye
+            client.close(timeout=CLOSE_SECONDS)
+
+
+def threads(place: str) -> int:
+    """How many threads the cluster has now."""
+    with connected(place) as client:
+        return _threads(client)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Those of this process that a worker's must equal; of Python the part that pickles depend on."""
+    return {"python": _release(platform.python_version())} | {package: version(package) for package in SAME}
+
+
+_LOCK = threading.Lock()
+_WATCHES: WeakValueDictionary[str, Watch] = WeakValueDictionary()  # of the runs that this worker learns for
+_STOPPED: set[str] = set()  # runs that want no more
+
+
+def _watch(run: str) -> Watch | None:
+    with _LOCK:
+        if run in _STOPPED:
+            return None
+        watch = _WATCHES.get(run)
+        if watch is None:
+            watch = _WATCHES[run] = Watch()
+        return watch
+
+
+def stop_there(run: str) -> None:
+    """On a worker: batches of this run end soon, and none begins."""
+    with _LOCK:
+        _STOPPED.add(run)
+        if (watch := _WATCHES.get(run)) is not None:
+            watch.stop()
+
+
+def _given(function: Callable[..., Any]) -> Callable[..., Any]:
+    return function
+
+
+def _called(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
+class Cluster(Executor):
+    """The executor of a client, whose batches always come to an outcome: also when workers, or the scheduler, die."""
+
+    def __init__(self, client: Client, place: str, learn: Learn, watch: Watch) -> None:
+        self._client, self._place, self._watch = client, place, watch
+        self._executor = client.get_executor(pure=False)
+        self._errand = Errand(uuid.uuid4().hex, learn, versions())
+        self._sent: dict[Callable[..., Any], Any] = {}  # function: the Dask future that it is on the cluster
+        self._open: dict[Future[Outcome], Future[Outcome]] = {}  # ours: Dask's
+        self._lock = threading.Lock()
+        self._deadline = float("inf")  # of batches, once stopped
+        self._looked, self._count = time.monotonic(), _threads(client)
+        self._lost: Exception | None = None
+
+    def outcomes(self, task_bytes: int, tasks: Integers, tick: Callable[[], None]) -> Iterator[Outcome]:
+        """What became of the tasks with these ids, batch by batch; `tick` is called about ten times a second."""
+        sizes = Sizes(task_bytes)
+
+        def look() -> None:
+            self._look()
+            tick()
+
+        waiting = sizes.batches(tasks, self._threads)
+        for outcome in results(self, self._threads, self._errand, waiting, lambda: self._watch.stopped, look):
+            sizes.heed(outcome)
+            yield outcome
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **keywords: Any) -> Future[Any]:
+        """The future of function(batch) on a worker; its result is an outcome whatever happens there."""
+        [batch] = arguments
+        if function not in self._sent:
+            self._sent[function] = self._send(function)
+        theirs = self._executor.submit(_called, self._sent[function], batch)
+        ours: Future[Outcome] = Future()
+        ours.set_running_or_notify_cancel()  # from here on it ends in a result
+        with self._lock:
+            self._open[ours] = theirs
+        theirs.add_done_callback(lambda _: self._close(ours, partial(self._outcome, theirs, batch)))
+        return ours
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Cancels what is pending; nothing is waited for."""
+        for ours in list(self._open):
+            self._close(ours, _nothing)
+        self._executor.shutdown(wait=False)
+
+    def _send(self, function: Callable[..., Any]) -> Any:
+        """As a task, not as scattered data: Dask makes it again when the worker that holds it dies."""
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # that it is large, which matters to those who send it with every batch
+            return self._client.submit(_given, function, pure=False)
+
+    def _threads(self) -> int:
+        """How many the cluster has, at least 1: it may grow and shrink, and a batch waits while it has none."""
+        if time.monotonic() - self._looked >= LOOK_SECONDS and self._client.status == "running":
+            self._looked = time.monotonic()
+            with suppress(OSError):
+                self._count = _threads(self._client)
+        return max(1, self._count)
+
+    def _look(self) -> None:
+        """Once stopped, tells the workers, and gives up on what takes too long."""
+        if not self._watch.stopped:
+            return
+        if self._deadline == float("inf"):
+            self._deadline = time.monotonic() + CLOSE_SECONDS
+            # beside the main thread: a worker that hangs must not hold up the end
+            threading.Thread(target=self._stop_workers, daemon=True).start()
+        elif time.monotonic() > self._deadline:
+            for ours in list(self._open):
+                self._close(ours, _nothing)
+
+    def complain(self) -> None:
+        """Raises what ended the work on the cluster before its time, if anything did."""
+        if self._lost is not None:
+            raise self._lost
+
+    def _stop_workers(self) -> None:
+        with suppress(Exception):  # the deadline holds whatever happens here
+            self._client.run(stop_there, self._errand.run, on_error="ignore")
+
+    def _close(self, ours: Future[Outcome], outcome: Callable[[], Outcome]) -> None:
+        with self._lock:
+            theirs = self._open.pop(ours, None)
+        if theirs is None:
+            return
+        theirs.cancel()
+        ours.set_result(outcome())
+
+    def _outcome(self, theirs: Future[Outcome], batch: Integers) -> Outcome:
+        error: BaseException | None
+        if theirs.cancelled():
+            return self._end(
+                SystemFailed(
+                    f"the Dask scheduler at {self._place} was lost; what came back is saved, and the same command goes on"
+                )
+            )
+        if (error := theirs.exception()) is None:
+            outcome = theirs.result()
+            self._watch.add(int(outcome.rows["steps"].sum()) if len(outcome.ids) else 0)
+            return outcome
+        if isinstance(error, Unequal):
+            return self._end(NotAllowed(f"a worker has {error}"))
+        if type(error).__name__ == "KilledWorker":
+            died = WorkersDied("the workers that learned its batch died, again and again")
+            return Outcome(batch[:0], {}, tuple((int(task), died) for task in batch))
+        said = " ".join(f"{type(error).__name__}: {error}".split())  # no task's fault: Careful catches those
+        return self._end(
+            SystemFailed(f"the Dask cluster at {self._place} cannot run what it is sent, {said}")
+        )
+
+    def _end(self, error: Exception) -> Outcome:
+        if not self._watch.stopped:
+            self._lost = error
+            self._watch.stop()
+        return _nothing()
+
+
+@dataclass
+class Sizes:
+    """How many tasks make a batch: those of the threads, joined until a batch is worth what scheduling it costs."""
+
+    task_bytes: int
+    seconds: float = 0.0  # in the kernels, of the tasks that came back
+    tasks: int = 0
+    _waiting: deque[Integers] = field(default_factory=deque)
+
+    def heed(self, outcome: Outcome) -> None:
+        """Learns from what came back how long a task takes."""
+        if len(outcome.ids):
+            self.seconds += float(outcome.rows["seconds"].sum())
+            self.tasks += len(outcome.ids)
+
+    def batches(self, tasks: Integers, jobs: Callable[[], int]) -> Iterator[Integers]:
+        """The task ids, in order, in batches."""
+        import numpy as np
+
+        self._waiting.extend(batches(tasks, jobs()))
+        while self._waiting:
+            count = self._joined(len(self._waiting[0]), jobs())
+            yield np.concatenate([self._waiting.popleft() for _ in range(count)])
+
+    def _joined(self, tasks: int, jobs: int) -> int:
+        """How many of the small batches, of so many tasks each, make the next one."""
+        each = tasks * self.seconds / self.tasks if self.tasks else 0.0
+        if not each:
+            return 1
+        worth = -(-worthwhile(jobs) // each)
+        fits = MOST_BYTES // max(1, tasks * self.task_bytes)
+        fair = len(self._waiting) // (IN_FLIGHT * jobs)  # the last ones are shared by all
+        return int(max(1, min(worth, fits, fair)))
+
+
+def worthwhile(jobs: int) -> float:
+    """Seconds of work that a batch should hold, so that neither its own overhead nor that of all jobs together shows.
+
+    The head serves one batch after the other: `jobs` threads ask for one in the time that one of them takes to learn it.
+    """
+    return OVERHEAD * max(1 / OVERHEAD_SHARE, 2.0 * jobs)
+
+
+def _nothing() -> Outcome:
+    import numpy as np
+
+    return Outcome(np.empty(0, np.int64), {})
+
+
+def _address(place: str) -> str:
+    """The scheduler's address: as it stands, or from a scheduler file."""
+    path = Path(place)
+    if not path.is_file():
+        return place
+    try:
+        return str(json.loads(path.read_text())["address"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"--dask {place}: this is no scheduler file, which dask scheduler writes") from error
+
+
+def _expect_workers(client: Client, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=WORKER_SECONDS)
+    except TimeoutError as error:
+        raise SystemFailed(
+            f"the Dask scheduler at {address} has no workers after {WORKER_SECONDS:.0f} s; start some with "
+            f"dask worker {address}"
+        ) from error
+
+
+def _refuse_other_versions(client: Client) -> None:
+    ours = versions()
+    told: dict[str, Any] = client.get_versions(check=False, packages=list(SAME))
+    everybody = {"scheduler": told["scheduler"]} | {
+        f"worker {at}": one for at, one in told["workers"].items()
+    }
+    for name, there in everybody.items():  # the scheduler reads what it passes on
+        packages = there["packages"] | {"python": _release(there["host"]["python"])}
+        found = {package: packages.get(package) for package in ours}
+        if found != ours:
+            raise NotAllowed(
+                f"the {name} has {_difference(ours, found)}; results would differ: install the same there"
+            )
+
+
+def _difference(ours: dict[str, str], there: dict[str, Any]) -> str:
+    return ", ".join(
+        f"{package} {there.get(package) or 'missing'} where this process has {here}"
+        for package, here in ours.items()
+        if there.get(package) != here
+    )
+
+
+def _release(python: str) -> str:
+    return ".".join(python.split(".")[:2])
+
+
+def _threads(client: Client) -> int:
+    return int(client.scheduler_info(n_workers=0)["total_threads"])
