@@ -182,12 +182,13 @@ def test_a_directory_that_cannot_be_written_is_reported(path):
         make_light(path, disk=ReadOnly())
 
 
-def test_an_interrupt_during_a_write_of_the_final_file_passes_hdf5_by(path, straight):
+@pytest.mark.parametrize("every", [12, pytest.param(1, marks=pytest.mark.soak)])
+def test_an_interrupt_during_a_write_of_the_final_file_passes_hdf5_by(path, straight, every):
     operations = operations_of(make(path.with_name("count.h5")))
     writes = [
         at for at, (operation, name) in enumerate(operations) if (operation, name) == ("write", "whole.tmp")
     ]
-    for at in writes:
+    for at in {*writes[::every], writes[-1]}:
         target = path.with_name(f"{at}.h5")
         with pytest.raises(KeyboardInterrupt):
             make(target)(Breakable(at, trouble=KeyboardInterrupt()))

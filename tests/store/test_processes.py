@@ -93,13 +93,14 @@ def test_a_killed_holder_frees_the_lock(tmp_path):
     assert describe(path).tasks == 6
 
 
-def test_publishing_two_hundred_megabytes_takes_the_memory_of_a_few_blocks(tmp_path):
-    with start("finish_large", tmp_path / "a.h5", 2000, 100) as child:
+@pytest.mark.parametrize("megabytes", [100, pytest.param(1000, marks=pytest.mark.soak)])
+def test_publishing_and_reading_takes_the_memory_of_a_few_blocks(tmp_path, megabytes):
+    with start("finish_large", tmp_path / "a.h5", megabytes * 10, 100) as child:
         out, said = child.communicate()
         assert child.returncode == 0, said
     begin, after_parts, end = map(int, out.split())
     assert end - after_parts < 64, (begin, after_parts, end)
-    assert end - begin < 120, (begin, after_parts, end)
+    assert end - begin < 90, (begin, after_parts, end)
 
 
 def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_path):

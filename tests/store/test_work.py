@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from breakable import Breakable
-from fakes import SOURCES, make_fit, make_run, make_sources, rows_for, spec_for
+from fakes import DISK, SOURCES, make_fit, make_run, make_sources, rows_for, spec_for
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -265,6 +265,29 @@ def test_tasks_of_other_settings_are_not_adopted(path, tmp_path):
         pytest.raises(Refused, match="seed"),
     ):
         work.adopt(artefact)
+
+
+def make_some(path, ids, tasks):
+    """An artefact of `tasks` that holds only those with these ids."""
+    with open_work(path, SOURCES, spec_for(tasks), disk=DISK) as work:
+        new = np.setdiff1d(ids, work.saved)
+        work.save(rows_for(new), new)
+        return work.finish(work.saved)
+
+
+def test_an_artefact_that_lacks_tasks_is_not_complete_for_as_many_as_it_holds(path):
+    make_some(path, [0, 1, 2, 3, 4, 8], tasks=9)
+    with pytest.raises(Refused, match="tasks: asked for 6, there is 9"):
+        make_sources(path)
+
+
+def test_the_tasks_that_are_wanted_make_it_complete(path):
+    make_some(path, [2, 3], tasks=6)
+    for wanted, complete in (([2, 3], True), ([3], True), ([1, 2], False), (None, False)):
+        with open_work(path, SOURCES, spec_for(), tasks=wanted, disk=DISK) as work:
+            assert work.complete == complete
+            assert work.saved.tolist() == [2, 3]
+        assert [entry.name for entry in path.parent.iterdir()] == ["a.h5"]
 
 
 # Parts that do not hold.
