@@ -9,11 +9,13 @@ import resource
 import shutil
 import time
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from fakes import LIGHT, make_fit, make_sources
+from fuzz import checksum, headers
 
 from store.errors import Damaged, NotFound
 from store.reading import describe, open_artefact
@@ -170,6 +172,22 @@ def endless_stream(file, other):
     dataset.id.write_direct_chunk((0, 0), content)
 
 
+def chunk_that_says_it_is_huge(file, other):
+    """The header of "start", whose checksum is made to hold, says that its one chunk takes 3.5 GiB of the file."""
+    replaced(file, "start", data=file["start"][...], chunks=(4, 1), compression="gzip")
+    size = file["start"].id.get_chunk_info(0).size
+    path = Path(file.filename)
+    file.close()
+    content = bytearray(path.read_bytes())
+    for first, length in headers(content):
+        # version 4, class chunked ... single chunk index, filtered size (8 bytes), filter mask (4)
+        at = content.find(size.to_bytes(8, "little") + bytes(4), first, first + length)
+        if at >= 0:
+            content[at : at + 8] = (3_758_096_384).to_bytes(8, "little")
+            content[first + length : first + length + 4] = checksum(content[first : first + length])
+    path.write_bytes(content)
+
+
 def filter_of_a_plug_in(file, other):
     replaced(file, "steps", data=file["steps"][...], chunks=(6, 3), compression="lzf")
 
@@ -267,6 +285,7 @@ HOSTILE = {
     bomb_within_a_task: "one task declares too many bytes",
     giant_chunk: "steps has chunks of more than 64 MiB",
     endless_stream: "start has a chunk that inflates beyond its size",
+    chunk_that_says_it_is_huge: "start has a chunk of 3758096384 bytes in the file",
     filter_of_a_plug_in: "steps needs a filter that is not ours",
     filter_that_loses: "steps needs a filter that is not ours",
     room_to_grow: "steps could grow",
