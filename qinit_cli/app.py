@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from qinit_cli import __version__, configuration
 from qinit_cli.commands import (
+    bench,
     compare,
     config,
     doctor,
@@ -55,7 +56,7 @@ app = typer.Typer(
 PANELS = {
     "The pipeline": (train_sources, fit, transfer, compare),
     "Artefacts": (list_artefacts, show, plot, export, verify, salvage, merge),
-    "Planning and installation": (sample_size, config, doctor),
+    "Planning and installation": (sample_size, config, doctor, bench),
 }
 for panel, modules in PANELS.items():
     for module in modules:
