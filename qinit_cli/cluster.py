@@ -41,7 +41,7 @@ CLOSE_SECONDS = (
     2.0  # that workers may take to hand in what they have once a signal came, and the client to close
 )
 LOOK_SECONDS = 1.0  # between two looks at how many threads the cluster has
-OVERHEAD = 1e-3  # seconds of head and scheduler per batch, measured (docs/cluster.md) ...
+OVERHEAD = 5e-3  # seconds of head and scheduler per batch, measured (docs/cluster.md) ...
 OVERHEAD_SHARE = 0.02  # ... and the share of a batch's work that it may come to
 MOST_BYTES = 64 * 2**20  # of rows that travel together
 SAME = ("qinit", "numpy", "numba", "distributed")  # packages whose versions must not differ
