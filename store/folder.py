@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import re
+import stat
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,7 @@ from store.publish import place
 from store.spec import Spec, canonical_json
 
 RECORD = "spec.json"
+LARGEST_RECORD = 4 * 1024**2
 WHOLE = "whole.tmp"
 PART = re.compile(r"part-(\d{12})-(\d+)-[0-9a-f]{16}\.h5")
 
@@ -44,10 +46,21 @@ def work_folder(target: Path) -> Path:
 def read_record(folder: Path) -> Record | None:
     """The settings kept in `folder`; None where there are none, or none that can be read."""
     try:
-        kept = json.loads((folder / RECORD).read_text("ascii"))
+        kept = json.loads(_small_file(folder / RECORD))
         return Record(kept["kind"], dict(kept["spec"]), dict(kept["provenance"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None  # every part carries its own settings, so nothing depends on this file
+
+
+def _small_file(path: Path) -> bytes:
+    """The content of a regular file; OSError where it is none. A pipe must not hold us."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        return os.read(descriptor, LARGEST_RECORD)
+    finally:
+        os.close(descriptor)
 
 
 def write_record(folder: Path, record: Record, disk: Disk) -> None:

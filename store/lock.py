@@ -38,7 +38,7 @@ def held(folder: Path, disk: Disk, *, wait: bool) -> Iterator[None]:
 def being_held(folder: Path) -> bool:
     """Whether a process holds the lock of this work folder just now."""
     try:
-        descriptor = os.open(folder / LOCK, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        descriptor = os.open(folder / LOCK, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return False
     try:
@@ -83,11 +83,19 @@ def _make(folder: Path, disk: Disk) -> None:
 
 def _open(path: Path, disk: Disk) -> int:
     try:
-        return disk.open_lock(path)
+        descriptor = disk.open_lock(path)
     except SystemFailed as failure:
         if isinstance(failure.__cause__, OSError) and failure.__cause__.errno in (errno.ELOOP, errno.EISDIR):
-            raise Refused(f"{path} is no regular file; remove it") from failure
+            raise _odd(path) from failure
         raise
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise _odd(path)
+    return descriptor
+
+
+def _odd(path: Path) -> Refused:
+    return Refused(f"{path} is no regular file; remove it")
 
 
 def _lock(descriptor: int, folder: Path, wait: bool) -> None:

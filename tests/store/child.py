@@ -21,9 +21,9 @@ def say(word):
     print(word, flush=True)
 
 
-def make(path, tasks, hold=""):
+def make(path, tasks, hold=False, force=False):
     """Save one task at a time, saying each; with `hold`, keep the lock until stdin ends."""
-    with open_work(path, LIGHT, spec_for(tasks)) as work:
+    with open_work(path, LIGHT, spec_for(tasks), force=bool(force)) as work:
         say("ready")
         if hold:
             sys.stdin.read()

@@ -15,7 +15,7 @@ from fakes import LIGHT, make_sources, spec_for
 
 from store.errors import Busy, SystemFailed
 from store.folder import work_folder
-from store.reading import describe
+from store.reading import describe, open_artefact
 from store.work import open_work
 
 CHILD = Path(__file__).with_name("child.py")
@@ -103,16 +103,33 @@ def test_publishing_and_reading_takes_the_memory_of_a_few_blocks(tmp_path, megab
     assert end - begin < 90, (begin, after_parts, end)
 
 
-def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_path):
+@pytest.mark.parametrize("force", [0, 1], ids=["grown", "forced"])
+def test_a_reader_meets_the_old_or_the_new_artefact_while_it_is_replaced(tmp_path, force):
     path = tmp_path / "a.h5"
-    make_sources(path, tasks=2, schema=LIGHT)
-    with start("make", path, 30) as child:
-        seen = set()
+    make_sources(path, tasks=12 if force else 2, schema=LIGHT)
+    seen = set()
+
+    def read():
+        with open_artefact(path) as artefact:
+            artefact.check_tasks()
+            seen.add(artefact.task_count)
+
+    with start("make", path, 8, 0, force) as child:
         while child.poll() is None:
-            seen.add(describe(path).tasks)
+            read()
             time.sleep(0.002)
         child.communicate()
-    assert seen | {describe(path).tasks} == {2, 30}
+    read()
+    assert seen == {12 if force else 2, 8}
+
+
+def test_a_reader_that_has_it_open_reads_on_while_it_is_replaced(tmp_path):
+    path = make_sources(tmp_path / "a.h5", tasks=3, schema=LIGHT)
+    with open_artefact(path) as artefact:
+        make_sources(path, tasks=5, schema=LIGHT)
+        artefact.check_tasks()
+        assert artefact.task_count == 3
+    assert describe(path).tasks == 5
 
 
 @pytest.fixture
@@ -127,7 +144,17 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(place)], check=True)
 
 
-@pytest.mark.soak
+def test_a_directory_that_is_really_read_only_is_reported(small_disk):
+    subprocess.run(["mount", "-o", "remount,size=4m", str(small_disk)], check=True)
+    make_sources(small_disk / "there.h5", tasks=2, schema=LIGHT)
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    with start("make", small_disk / "a.h5", 6) as child:
+        _, said = child.communicate()
+    assert child.returncode == SystemFailed.exit_code, said
+    assert "Read-only file system" in said
+    make_sources(small_disk / "there.h5", tasks=2, schema=LIGHT)  # found complete, which writes nothing
+
+
 def test_a_really_full_disk_ends_with_its_exit_code_and_goes_on_with_more_room(small_disk, tmp_path):
     path = small_disk / "a.h5"
     with start("make", path, 60) as child:

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from store.disk import Disk
 from store.errors import Busy, Damaged, Refused
-from store.folder import work_folder
+from store.folder import read_record, work_folder
+from store.lock import being_held
 from store.reading import describe, open_artefact
 from store.work import open_work
 
@@ -184,18 +185,43 @@ def test_an_odd_thing_under_the_name_is_refused_even_with_force(tmp_path, odd):
     assert not other.exists() or other.read_text() == "precious"
 
 
-@pytest.mark.parametrize("kind", ["folder", "lock"])
-def test_a_symbolic_link_in_place_of_the_work_folder_or_its_lock_is_refused(tmp_path, kind):
+ODD = {
+    "link": lambda path, other: path.symlink_to(other),
+    "dangling link": lambda path, other: path.symlink_to(other / "file"),
+    "fifo": lambda path, other: os.mkfifo(path),
+}
+
+
+@pytest.mark.parametrize("place", ["folder", "lock"])
+@pytest.mark.parametrize("odd", [*ODD, "other"])
+def test_an_odd_thing_in_place_of_the_work_folder_or_its_lock_is_refused(tmp_path, place, odd):
     path, other = tmp_path / "a.h5", tmp_path / "other"
     other.mkdir()
-    if kind == "folder":
-        work_folder(path).symlink_to(other)
+    where = work_folder(path)
+    if place == "lock":
+        where.mkdir()
+        where = where / "lock"
+    if odd == "other":
+        where.mkdir() if place == "lock" else where.write_text("precious")
     else:
-        work_folder(path).mkdir()
-        (work_folder(path) / "lock").symlink_to(other / "file")
-    with pytest.raises(Refused):
-        make_sources(path)
+        ODD[odd](where, other)
+    assert not being_held(work_folder(path))
+    for force in (False, True):
+        with pytest.raises(Refused):
+            make_sources(path, force=force)
     assert list(other.iterdir()) == []
+    assert os.path.lexists(where)
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_an_odd_thing_in_place_of_the_kept_settings_holds_nobody_up(path, odd):
+    save_some(path, [0])
+    kept = work_folder(path) / "spec.json"
+    kept.unlink()
+    ODD[odd](kept, path.parent)
+    assert read_record(work_folder(path)) is None
+    with open_work(path, SOURCES, spec_for()) as work:
+        assert work.saved.tolist() == [0]
 
 
 # Growing and shrinking.
