@@ -92,8 +92,7 @@ def connected(place: str) -> Iterator[Client]:
         from distributed import Client
     except ImportError as error:
         raise UsageError("--dask needs the package distributed: pip install 'qinit[dask]'") from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in a sentence of ours
-    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)  # a batch cancelled as it ends
+    _quieten()
     address = _address(place)
     try:
         with warnings.catch_warnings():
@@ -323,6 +322,13 @@ def _nothing() -> Outcome:
     import numpy as np
 
     return Outcome(np.empty(0, np.int64), {})
+
+
+def _quieten() -> None:
+    """What matters of the loggers' news is said in a sentence of ours."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] in ("distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _address(place: str) -> str:

@@ -34,9 +34,9 @@ LONG = (
     "--variance",
     "2",
     "--tasks",
-    "96",
+    "160",
     "--episodes",
-    "150000",
+    "30000",
 )
 # qinit as it is, but for saving every finished batch at once: whoever watches the folder knows how far it is
 EAGER = (
