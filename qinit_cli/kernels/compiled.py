@@ -7,9 +7,12 @@ code, other folder.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
+import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from functools import cache
 from importlib import metadata
@@ -17,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 LEAN = {"_nrt": False}
+UNUSED_SECONDS = 30 * 24 * 3600.0  # after which machine code of other versions is removed
 UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -31,8 +35,11 @@ def cache_folder() -> Path | None:
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
     folder = _base() / f"kernels-{digest.hexdigest()[:16]}"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        if not folder.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            _remove_unused(folder.parent)
         with tempfile.TemporaryFile(dir=folder):
+            os.utime(folder)  # says that it is used
             return folder
     except OSError:
         return None
@@ -56,6 +63,7 @@ def needs_compiling(job: str) -> bool:
 def note_compiled(job: str) -> None:
     """Notes that all that this job calls has been compiled and kept."""
     if (folder := cache_folder()) is not None:
+        folder.mkdir(parents=True, exist_ok=True)  # whoever thought it unused may have removed it
         (folder / f"{job}.compiled").touch()
 
 
@@ -90,6 +98,16 @@ def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         return numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = kept  # of other users of Numba in this process
+
+
+def _remove_unused(base: Path) -> None:
+    """Removes the machine code of other versions that nobody has used for long; who uses it after all compiles it again."""
+    for folder in base.glob("kernels-*"):
+        with contextlib.suppress(OSError):  # another process was faster, or it is not ours to remove
+            if time.time() - folder.stat().st_mtime > UNUSED_SECONDS:
+                doomed = base / f"removed-{os.getpid()}-{folder.name}"
+                folder.rename(doomed)  # at once: nobody finds half a folder
+                shutil.rmtree(doomed)
 
 
 def _base() -> Path:

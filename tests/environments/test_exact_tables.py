@@ -35,6 +35,22 @@ def test_exact_tables_are_those_of_an_independent_solver(
     np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-9)
 
 
+def test_values_that_are_smaller_than_the_tolerance_are_exact_too(tasks_of: Any) -> None:
+    grid, gamma, p = Gridworld(size=30), 0.5, 0.7
+    q, _ = grid.solve(tasks_of(grid, (20, 20, p)), gamma)
+    goal, value = 20 * 30 + 20, q[0].max(axis=1)
+    rows, columns = np.divmod(np.arange(900), 30)
+    ways = [(np.clip(rows + down, 0, 29), columns) for down in (-1, 1)]
+    ways += [(rows, np.clip(columns + right, 0, 29)) for right in (-1, 1)]
+    cells = np.stack([row * 30 + column for row, column in ways], axis=1)
+    worth = np.where(cells == goal, 1.0, gamma * value[cells])
+    expected = (p - 0.1) * worth + 0.1 * worth.sum(axis=1, keepdims=True)
+    elsewhere = np.arange(900) != goal
+    assert value[elsewhere].min() < 1e-13
+    # from V(s) = max Q(s, a): a table that had not settled would not give itself back
+    np.testing.assert_allclose(expected.max(axis=1)[elsewhere], value[elsewhere], rtol=1e-9)
+
+
 def test_the_known_value_of_the_papers_grid(tasks_of: Any) -> None:
     grid = Gridworld()
     q, _ = grid.solve(tasks_of(grid, (20, 20, 0.75)), 0.95)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -83,3 +84,43 @@ def test_settings_of_learning_are_free_of_numpy_and_numba() -> None:
     code = "import sys, qinit_cli.learning; print({'numpy', 'numba'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.usefixtures("afresh")
+def test_machine_code_that_nobody_used_for_a_month_is_removed_when_a_new_folder_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    old, recent, foreign = (
+        tmp_path / "qinit" / name for name in ("kernels-old", "kernels-recent", "of-another")
+    )
+    for folder, days in ((old, 31), (recent, 29), (foreign, 400)):
+        folder.mkdir(parents=True)
+        (folder / "code.nbi").write_bytes(b"machine code")
+        used = time.time() - days * 24 * 3600
+        os.utime(folder, (used, used))
+    chosen = compiled.cache_folder()
+    assert set((tmp_path / "qinit").iterdir()) == {chosen, recent, foreign}
+
+
+@pytest.mark.usefixtures("afresh")
+def test_a_folder_that_is_used_is_marked_as_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    os.utime(folder, (0, 0))
+    compiled.cache_folder.cache_clear()
+    assert compiled.cache_folder() == folder
+    assert time.time() - folder.stat().st_mtime < 3600
+
+
+@pytest.mark.usefixtures("afresh")
+def test_compiling_is_noted_even_if_the_folder_was_removed_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    folder.rmdir()
+    compiled.note_compiled("gridworld-sources")
+    assert not compiled.needs_compiling("gridworld-sources")
