@@ -29,6 +29,7 @@ LARGEST_DECLARED = 1024 * GIB  # all datasets, as they would be in memory
 LARGEST_STATIC = 1 * GIB  # what is read whole: datasets without a task axis, ids and digests
 LARGEST_TASK = GIB // 2  # one task over all columns
 LARGEST_CHUNK = 64 * 1024**2
+CHECKSUM_BYTES = 4  # of fletcher32; HDF5 crashes on a chunk that has no more
 LARGEST_STREAM = 65 * 1024**2  # a chunk in the file: deflate makes what it cannot shrink a little longer
 LARGEST_VALUE = 4 * 1024**2  # a text, of an attribute or a label
 MOST_DATASETS = 256
@@ -174,10 +175,14 @@ def _check_chunks(dataset: Any, chunk: tuple[int, ...], name: str) -> None:
         raise ValueError(f"{name} has chunks of more than {LARGEST_CHUNK // 1024**2} MiB")
     suspects: list[Any] = []
     dataset.chunk_iter(
-        lambda info: suspects.append(info) if info.size * DEFLATE_RATIO > LARGEST_INFLATED else None
+        lambda info: (
+            suspects.append(info)
+            if info.size <= CHECKSUM_BYTES or info.size * DEFLATE_RATIO > LARGEST_INFLATED
+            else None
+        )
     )
     for info in suspects:
-        if info.size > LARGEST_STREAM:
+        if not CHECKSUM_BYTES < info.size <= LARGEST_STREAM:
             raise ValueError(f"{name} has a chunk of {info.size} bytes in the file")
         _, raw = dataset.read_direct_chunk(info.chunk_offset)
         if len(zlib.decompressobj().decompress(raw, LARGEST_CHUNK + 1)) > LARGEST_CHUNK:

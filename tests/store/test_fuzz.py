@@ -84,5 +84,5 @@ def test_damage_behind_valid_checksums_is_never_read_as_numbers(sound):
 def test_twenty_thousand_damaged_files_are_never_read_as_numbers(tmp_path, make):
     found = counts(make(tmp_path / "a.h5"), 7_000, 500)
     print(dict(found))
-    assert found["wrong"] == found["out of memory"] == 0
+    assert set(found) <= {"refused", "harmless"}
     assert sum(found.values()) == 7_000

@@ -173,17 +173,30 @@ def endless_stream(file, other):
 
 
 def chunk_that_says_it_is_huge(file, other):
-    """The header of "start", whose checksum is made to hold, says that its one chunk takes 3.5 GiB of the file."""
-    replaced(file, "start", data=file["start"][...], chunks=(4, 1), compression="gzip")
-    size = file["start"].id.get_chunk_info(0).size
-    path = Path(file.filename)
+    chunk_that_says(3_758_096_384, file)
+
+
+def chunk_that_says_it_is_empty(file, other):
+    chunk_that_says(0, file)
+
+
+def chunk_without_room_for_its_checksum(file, other):
+    chunk_that_says(3, file)
+
+
+def chunk_that_says(size, file):
+    """Change what the header of "start" says of its one chunk's bytes in the file, and make its checksum hold."""
+    start = replaced(
+        file, "start", data=file["start"][...], chunks=(4, 1), compression="gzip", fletcher32=True
+    )
+    there, path = start.id.get_chunk_info(0).size, Path(file.filename)
     file.close()
     content = bytearray(path.read_bytes())
     for first, length in headers(content):
-        # version 4, class chunked ... single chunk index, filtered size (8 bytes), filter mask (4)
-        at = content.find(size.to_bytes(8, "little") + bytes(4), first, first + length)
+        # in the layout message the size is followed by the mask of filters that were left out
+        at = content.find(there.to_bytes(8, "little") + bytes(4), first, first + length)
         if at >= 0:
-            content[at : at + 8] = (3_758_096_384).to_bytes(8, "little")
+            content[at : at + 8] = size.to_bytes(8, "little")
             content[first + length : first + length + 4] = checksum(content[first : first + length])
     path.write_bytes(content)
 
@@ -286,6 +299,8 @@ HOSTILE = {
     giant_chunk: "steps has chunks of more than 64 MiB",
     endless_stream: "start has a chunk that inflates beyond its size",
     chunk_that_says_it_is_huge: "start has a chunk of 3758096384 bytes in the file",
+    chunk_that_says_it_is_empty: "has a chunk of 0 bytes in the file",
+    chunk_without_room_for_its_checksum: "start has a chunk of 3 bytes in the file",
     filter_of_a_plug_in: "steps needs a filter that is not ours",
     filter_that_loses: "steps needs a filter that is not ours",
     room_to_grow: "steps could grow",
