@@ -43,21 +43,21 @@ main()
 """
 
 STAGES = {
-    "exact": ("train-sources", "gridworld", "--learner", "exact", "--size", "20", "--tasks", "600"),
+    "exact": ("train-sources", "gridworld", "--learner", "exact", "--size", "20", "--tasks", "300"),
     "q-learning": ("train-sources", "gridworld", "--size", "8", "--tasks", "96", "--episodes", "4000"),
     "fit": ("fit", "sources.h5"),
     "transfer": ("transfer", "zero", "fit.h5", "--tasks", "96", "--episodes", "1500"),
 }
 
 
-@dataclass(frozen=True)
+@dataclass
 class Job:
     """A command in a folder, and what it ends with when nobody interrupts it."""
 
     words: tuple[str, ...]
     digest: str
     tasks: int
-    seconds: float
+    seconds: float  # within which signals come; follows how busy the machine is
 
     def started(self, folder: Path) -> subprocess.Popen[str]:
         return subprocess.Popen(
@@ -119,19 +119,22 @@ def logged(folder: Path) -> list[int]:
 def interrupted_until_done(
     job: Job, folder: Path, chance: random.Random, signals: tuple[signal.Signals, ...]
 ) -> Counter[str]:
-    """Starts the command again and again, a signal at a random time each, until one run gets to its end."""
+    """Starts the command up to four times with a signal at a random time, and then without, until it comes to its end."""
     folder.mkdir()
     counts: Counter[str] = Counter()
-    while True:
+    for left in reversed(range(chance.randrange(2, 6))):
         before, number = logged(folder), chance.choice(signals)
         process = job.started(folder)
-        time.sleep(chance.uniform(0, job.seconds))
-        process.send_signal(number)
+        if left:
+            time.sleep(chance.uniform(0, job.seconds))
+            process.send_signal(number)
         out, err = process.communicate(timeout=120)
         assert len(set(logged(folder))) == len(logged(folder)), "a task was learned twice"
         assert set(logged(folder)) <= saved_in(folder), "a saved task is lost"
         if process.returncode == 0:
+            job.seconds *= 0.8 if left else 1.1
             break
+        assert left, err
         # before Python has come to our first line the signal ends it by itself
         assert process.returncode in (-number, 128 + number), err
         assert process.returncode < 0 or "Traceback" not in err
@@ -163,7 +166,7 @@ def test_killed_at_random_times_nothing_is_lost_or_learned_twice(
 ) -> None:
     counts = interrupt(job, tmp_path, KILLS, (signal.SIGKILL,), seed=1)
     record_property("counts", dict(counts))
-    print(job.words[0], dict(counts))
+    print(*job.words[:4], dict(counts))
 
 
 @pytest.mark.parametrize("job", STAGES, indirect=True)
@@ -172,4 +175,4 @@ def test_interrupted_and_terminated_at_random_times_nothing_is_lost_or_learned_t
 ) -> None:
     counts = interrupt(job, tmp_path, 10, (signal.SIGINT, signal.SIGTERM), seed=2)
     record_property("counts", dict(counts))
-    print(job.words[0], dict(counts))
+    print(*job.words[:4], dict(counts))
