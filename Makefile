@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo
+BENCH := .bench-venv
 
-.PHONY: demo test soak check format clean
+.PHONY: demo test soak bench check format clean
 
 demo: $(VENV)/.installed ## sources, a fit, three transfers, a comparison and a picture
 	PATH="$(abspath $(BIN)):$$PATH" sh tests/demo.sh $(DEMO)
@@ -15,6 +16,9 @@ test: $(VENV)/.test ## the tests
 
 soak: $(VENV)/.test ## long soak and fault-injection runs
 	$(BIN)/python -m pytest -m soak
+
+bench: $(VENV)/.installed $(BENCH)/.installed ## qinit beside its peers, as a table of ratios in markdown
+	$(BENCH)/bin/python tests/benchmarks/ratios.py --qinit $(BIN)/qinit
 
 check: $(VENV)/.test $(VENV)/.check ## format, lint and types
 	$(BIN)/ruff format --check .
@@ -26,7 +30,7 @@ format: $(VENV)/.check
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) $(DEMO) build *.egg-info
+	rm -rf $(VENV) $(BENCH) $(DEMO) build *.egg-info
 
 $(VENV)/.created:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -44,4 +48,10 @@ $(VENV)/.test: pyproject.toml $(VENV)/.created
 
 $(VENV)/.check: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --editable '.[check]'
+	touch $@
+
+# the peers live apart: what they ask of numpy and Numba is theirs
+$(BENCH)/.installed: tests/benchmarks/requirements.txt
+	$(PYTHON) -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install --quiet --requirement tests/benchmarks/requirements.txt
 	touch $@
