@@ -28,13 +28,11 @@ class Run:
     spec: dict[str, Any]
     steps: NDArray[np.int32]  # (T, E)
     reached: Flags  # (T, E)
-    v_eps: (
-        Floats | None
-    )  # (T,) value of epsilon-greedy on Q* from the start; None where no exact table exists
-    greedy_returns: (
-        Floats | None
-    )  # (T, V) of greedy evaluations while learning; None without --evaluate-every
+    attainable: Floats | None  # (T,) exact value of what learning comes to; None where no exact table exists
+    v_star: Floats | None  # (T,) exact value of Q* from the start; None likewise
+    greedy_returns: Floats | None  # (T, V) greedy evaluations while learning; None without --evaluate-every
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
+    unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
 
     @property
     def gamma(self) -> float:
@@ -47,9 +45,14 @@ class Run:
         return int(self.spec["learning"]["horizon"])
 
     @property
-    def fit(self) -> str:
-        """The content hash of the fit it started from: one source set, one fit."""
-        return str(self.spec["inputs"][0])
+    def source_set(self) -> str:
+        """The content hash of the sources whose fit it started from."""
+        return str(self.spec["source_set"]["sources"])
+
+    @property
+    def fitted(self) -> dict[str, Any]:
+        """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
+        return {name: value for name, value in self.spec["source_set"].items() if name != "sources"}
 
     def greedy(self) -> Run:
         """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
@@ -63,7 +66,7 @@ class Run:
         # the return of an episode that arrives is gamma^(steps - 1)
         steps = 1 + np.log(np.where(reached, self.greedy_returns, 1.0)) / math.log(self.gamma)
         counted = np.where(reached, np.rint(steps), self.horizon).astype(np.int32)
-        return replace(self, steps=counted, reached=reached)
+        return replace(self, steps=counted, reached=reached, attainable=self.v_star, unit="evaluations")
 
     @classmethod
     def from_artefact(cls, artefact: Artefact) -> Run:
@@ -78,7 +81,8 @@ class Run:
             spec=spec,
             steps=artefact.read("steps"),
             reached=artefact.read("reached").astype(bool),
-            v_eps=artefact.read("v_eps") if "v_eps" in names else None,
+            attainable=artefact.read("v_eps") if "v_eps" in names else None,
+            v_star=artefact.read("v_star") if "v_star" in names else None,
             greedy_returns=artefact.read("eval_return") if "eval_return" in names else None,
             target_digest=_target_digest(spec, [artefact.tasks, *drawn]),
         )

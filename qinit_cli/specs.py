@@ -53,8 +53,12 @@ def fit(sources: Spec, inputs: list[str], options: FitOptions) -> Spec:
     }
 
 
-def run(method: Method, targets: TargetTasks, tasks: int, inputs: list[str]) -> Spec:
-    """The spec of a run: the method, the target distribution, how targets are learned, the inputs' content hashes."""
+def run(method: Method, targets: TargetTasks, tasks: int, fit: str, fitted: Spec) -> Spec:
+    """The spec of a run: the method, the target distribution, how targets are learned, the fit and what it was made of.
+
+    Tables that `optimal` learned are not named: these settings decide them, and their content hash changes with their count,
+    on which no single target depends.
+    """
     return {
         "kind": "run",
         "algorithm_version": ALGORITHM,
@@ -63,9 +67,27 @@ def run(method: Method, targets: TargetTasks, tasks: int, inputs: list[str]) -> 
         "learning": asdict(targets.learning),
         "seed": targets.seed,
         "tasks": tasks,
-        "inputs": inputs,
+        "inputs": [fit],
+        "source_set": source_set(fitted),
         "keep_q": targets.keep_q,
         "evaluate_every": targets.evaluate_every,
+    }
+
+
+def source_set(fitted: Spec) -> Spec:
+    """What tells one source set from its replicates (the sources' content hash), and what all replicates must share."""
+    sources = fitted["sources"]
+    return {
+        "sources": fitted["inputs"][0],
+        "family": sources["family"],
+        "learner": sources["learner"],
+        "learning": sources["learning"],
+        "tasks": sources["tasks"],
+        **{
+            name: fitted[name]
+            for name in ("estimator", "library", "holdout", "exclude_unlearned")
+            if name in fitted
+        },
     }
 
 

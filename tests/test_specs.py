@@ -16,6 +16,7 @@ from qinit_cli.stages.sources import SourceTasks
 from qinit_cli.stages.transfer import TargetTasks
 
 SOURCES = SourceTasks(Gridworld(), "q-learning", Gridworld.source_learning, 0)
+FITTED = specs.fit(specs.sources(SOURCES, 10), ["sources"], FitOptions())
 TARGETS = TargetTasks(Gridworld(), Gridworld.target_learning, 0, False)
 
 
@@ -57,15 +58,15 @@ def test_every_setting_of_sources_is_in_their_spec(other: SourceTasks) -> None:
 )
 def test_every_setting_of_targets_is_in_a_runs_spec(other: TargetTasks) -> None:
     method = LogQInitMedian()
-    assert specs.run(method, other, 10, "hash") != specs.run(method, TARGETS, 10, "hash")
+    assert specs.run(method, other, 10, "hash", FITTED) != specs.run(method, TARGETS, 10, "hash", FITTED)
 
 
 def test_a_runs_spec_tells_methods_their_options_and_fits_apart() -> None:
     made = [
-        specs.run(METHODS["zero"](), TARGETS, 10, "a"),
-        specs.run(LogQInitMedian(), TARGETS, 10, "a"),
-        specs.run(LogQInitMedian(fallback="largest"), TARGETS, 10, "a"),
-        specs.run(LogQInitMedian(), TARGETS, 10, "b"),
+        specs.run(METHODS["zero"](), TARGETS, 10, "a", FITTED),
+        specs.run(LogQInitMedian(), TARGETS, 10, "a", FITTED),
+        specs.run(LogQInitMedian(fallback="largest"), TARGETS, 10, "a", FITTED),
+        specs.run(LogQInitMedian(), TARGETS, 10, "b", FITTED),
     ]
     assert len({json.dumps(spec, sort_keys=True) for spec in made}) == len(made)
 
@@ -82,3 +83,17 @@ def test_a_fit_keeps_its_sources_settings_so_that_it_travels_alone() -> None:
     assert family_of(spec["sources"]) == SOURCES.family
     assert spec["sources"]["learning"] == source["learning"]
     assert (spec["inputs"], spec["estimator"], spec["library"]) == (["hash"], "umvue", 3)
+
+
+def test_a_source_set_is_its_sources_however_they_are_fitted() -> None:
+    again = specs.fit(specs.sources(SOURCES, 10), ["sources"], FitOptions(estimator="umvue"))
+    other = specs.fit(
+        specs.sources(replace(SOURCES, family=Gridworld(variance=3)), 10), ["others"], FitOptions()
+    )
+    first = specs.source_set(FITTED)
+    assert specs.source_set(again) == first | {"estimator": "umvue"}
+    assert specs.source_set(other) == first | {
+        "sources": "others",
+        "family": specs.source_set(other)["family"],
+    }
+    assert specs.source_set(other)["family"]["variance"] == 3

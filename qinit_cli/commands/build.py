@@ -17,6 +17,17 @@ import typer
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import flag, options
 
+OF_ONE_CALL = {
+    "output",
+    "force",
+    "dry_run",
+    "json",
+    "shard",
+    "to",
+    "what",
+    "title",
+}  # no variable or file sets them
+
 
 @dataclass(frozen=True)
 class Group:
@@ -45,8 +56,10 @@ class Group:
         info = typer.Option(
             *spelled,
             help=meta["help"],
-            metavar="" if hint is bool else meta["metavar"],  # a flag takes no value, whatever typer would show
-            envvar="QINIT_" + option.name.upper(),
+            metavar=""
+            if hint is bool
+            else meta["metavar"],  # a flag takes no value, whatever typer would show
+            envvar=None if option.name in OF_ONE_CALL else "QINIT_" + option.name.upper(),
             show_envvar=False,
             # by identity: 0 equals False, and is a default worth showing
             show_default=default_text or (option.default is not None and option.default is not False),
@@ -109,7 +122,7 @@ def add_command(
         parameters += group.parameters()
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    app.command(name, help=help, no_args_is_help=bool(references), rich_help_panel=panel)(command)
+    app.command(name, help=help, rich_help_panel=panel)(command)
 
 
 def _artefact_names(context: typer.Context, arguments: list[str], incomplete: str) -> list[str]:

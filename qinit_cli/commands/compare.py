@@ -73,7 +73,14 @@ def compare(
         TableColumn(comparing.metric, comparing.metric, 4, interval=True),
         TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
         TableColumn("p", "p", 4, dispensable=True),
-        TableColumn("jumpstart", "first 10", 4, interval=True, bounds_shown=False, dispensable=True),
+        TableColumn(
+            "jumpstart",
+            "first" if comparing.greedy else "first 10",
+            4,
+            interval=True,
+            bounds_shown=False,
+            dispensable=True,
+        ),
         TableColumn("asymptotic", "last 10%", 4, interval=True, bounds_shown=False, dispensable=True),
         TableColumn("regret", "regret", 4, interval=True, bounds_shown=False, dispensable=True),
         TableColumn("success", digits=3, dispensable=True),
@@ -106,7 +113,7 @@ def compare(
         return
     rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]
     everything = [TableColumn("targets"), TableColumn("sets"), *columns]
-    told = {comparison.title: comparison.intervals for comparison in comparisons}
+    told = [{"targets": comparison.title, "over": comparison.intervals} for comparison in comparisons]
     print_table(SCHEMA, everything, rows, tabular, display, extra={"intervals": told})
 
 

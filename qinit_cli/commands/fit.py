@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, OUTPUT, Display, Output
+from qinit_cli.commands.groups import DISPLAY, ONE_PASS, OUTPUT, Display, OnePass, Output
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
@@ -29,13 +29,13 @@ def add_to(app: typer.Typer) -> None:
         app,
         "fit",
         fit,
-        {"fitting": Group(FitOptions, "Fit"), "output": OUTPUT, "display": DISPLAY},
+        {"fitting": Group(FitOptions, "Fit"), "output": OUTPUT, "one_pass": ONE_PASS, "display": DISPLAY},
         references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
         help="Fit the sources' values per state-action: moments, log-normal parameters, a library; prints the path.",
     )
 
 
-def fit(sources: str, fitting: FitOptions, output: Output, display: Display) -> None:
+def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, display: Display) -> None:
     """Fits the sources, publishes the fit and prints its path."""
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected

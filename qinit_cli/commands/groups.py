@@ -89,6 +89,17 @@ class Work:
 
 
 @dataclass(frozen=True)
+class OnePass:
+    """What every stage takes on its command line, for scripts that give all of them the same options."""
+
+    jobs: int | None = option(None, "Nothing here: a fit is one pass over its sources.", low=1, metavar="N")
+    fail_fast: bool = option(False, "Nothing here: a fit has no tasks that could fail one by one.")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
 class Reading:
     """Where names of artefacts are looked up."""
 
@@ -129,6 +140,7 @@ class Display:
 
 OUTPUT = Group(Output, "Artefact")
 WORK = Group(Work, "Machine")
+ONE_PASS = Group(OnePass, "Machine")
 READING = Group(Reading, "Artefacts")
 TABULAR = Group(Tabular, "Table")
 DISPLAY = Group(Display, "Messages")

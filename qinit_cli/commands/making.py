@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     Rows = dict[str, Any]
 
+LONGEST_STEM = 80  # of the 100 characters that a name may have; the hash behind it tells names apart
 SAVE_SECONDS = 2.0  # of learning that a power cut may cost
 SAVE_BYTES = 64 * 2**20  # that wait in memory to be saved
 
@@ -112,7 +113,7 @@ def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -
     if output.output is None:
         from store.catalog import Store
 
-        return Store(Path(output.store)).path_for(kind, stem, spec)
+        return Store(Path(output.store)).path_for(kind, stem[:LONGEST_STEM].rstrip("-._"), spec)
     path = Path(output.output)
     if path.suffix != ".h5":
         raise UsageError(f"-o {output.output}: an artefact's name ends in .h5")
@@ -204,7 +205,11 @@ def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
 
 def _failure(task: int, error: Exception, plan: Plan) -> str:
     """What failed, and the command that makes it fail again."""
-    alone = f"{provenance(plan.read)['command']} --shard {task + 1}/{plan.count} --fail-fast"
+    words = shlex.split(provenance(plan.read)["command"])
+    for option in ("--shard", "-o", "--output"):
+        if option in words:
+            del words[words.index(option) : words.index(option) + 2]
+    alone = shlex.join([*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast"])
     return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
 
 

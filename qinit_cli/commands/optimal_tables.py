@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import note
+from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class OptimalTables:
         import numpy as np
 
         if not self.targets.family.tabular:
-            return self._learned()
+            return self._not_learned() if self.output.dry_run else self._learned()
         q, _ = self.targets.family.solve(
             self.targets.draw(np.arange(self.count)), self.targets.learning.gamma
         )
@@ -49,11 +50,29 @@ class OptimalTables:
             self.display,
             f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
         )
-        made = make(plan_of(tasks, self.count), self._in_store(), self.work, self.display)
+        # all of them, whatever share of the run is learned here
+        made = make(
+            plan_of(tasks, self.count), self._in_store(), replace(self.work, shard=None), self.display
+        )
+        if made.tally.failed:
+            raise TasksFailed(
+                f"{made.tally.failed} of the {self.count} optimal tables failed; the same command tries again"
+            )
         self.inputs.append({"role": "optimal", "name": made.path.stem, "content_sha256": made.digest})
         with open_artefact(made.path, "sources") as artefact:
             q: Floats = artefact.read("q")
         return q.reshape(self.count, -1, len(self.targets.family.actions))
+
+    def _not_learned(self) -> Floats:
+        import math
+
+        import numpy as np
+
+        note(
+            self.display,
+            f"optimal would first learn the tables of the {self.count} targets, which takes what as many sources take",
+        )
+        return np.zeros((self.count, math.prod(self.targets.family.shape), len(self.targets.family.actions)))
 
     def _in_store(self) -> Output:
         """The tables go to the store under their own name, whatever was asked of the run."""

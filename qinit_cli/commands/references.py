@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed, UsageError
+
+if TYPE_CHECKING:
+    from store.catalog import Store
 
 
 def many(references: list[str], store: str) -> list[Path]:
@@ -15,7 +19,7 @@ def many(references: list[str], store: str) -> list[Path]:
     named: list[str] = []
     for reference in references:
         named += _from_stdin() if reference == "-" else [reference]
-    return [Store(Path(store)).resolve(name) for name in named]
+    return [_resolved(name, Store(Path(store))) for name in named]
 
 
 def one(reference: str, store: str) -> Path:
@@ -26,6 +30,23 @@ def one(reference: str, store: str) -> Path:
             f"one artefact was expected, stdin brought {len(paths)}; run the command once for each"
         )
     return paths[0]
+
+
+def _resolved(name: str, store: Store) -> Path:
+    """The artefact's path; NotFound says how to go on with one that is unfinished."""
+    from store.errors import NotFound
+
+    try:
+        return store.resolve(name)
+    except NotFound:
+        stem = Path(name).name.removesuffix(".h5")
+        for entry in store.entries():
+            if entry.state == "unfinished" and entry.path.stem == stem:
+                command = entry.provenance.get("command", "the command that began it")
+                raise NotFound(
+                    f"{name} is unfinished: {entry.tasks} of {entry.spec.get('tasks', '?')} tasks; go on with {command}"
+                ) from None
+        raise
 
 
 def _from_stdin() -> list[str]:

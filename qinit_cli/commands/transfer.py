@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 import typer
 
@@ -40,6 +40,9 @@ class LearningTargets:
     alpha: float | None = option(None, "Step size.", low=0, high=1)
     gamma: float | None = option(None, "Discount.", low=0, high=1)
     epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1)
+    start: Literal["anywhere", "fixed"] | None = option(
+        None, "Where episodes start: at the family's target start, or anywhere."
+    )
     shift: list[str] | None = option(
         None,
         "Draw targets from a changed family, such as variance=10; may be given several times.",
@@ -59,7 +62,7 @@ class LearningTargets:
     def learning(self, family: Family, sources: dict[str, Any]) -> Learning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
         given = {name: sources[name] for name in FROM_SOURCES}
-        names = ("episodes", "horizon", "alpha", "gamma", "epsilon")
+        names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
         try:
             return replace(family.target_learning, **(given | asked))
@@ -103,7 +106,7 @@ def add_to(app: typer.Typer) -> None:
 def _defaults() -> dict[str, str]:
     tasks = ", ".join(f"{name} {family.target_tasks}" for name, family in FAMILIES.items())
     from_family = {"tasks": f"from the family: {tasks}"}
-    for setting in ("episodes", "epsilon"):
+    for setting in ("episodes", "epsilon", "start"):
         values = ", ".join(
             f"{name} {getattr(family.target_learning, setting)}" for name, family in FAMILIES.items()
         )
@@ -120,6 +123,7 @@ class Knowledge:
     family: Family  # of the sources
     learning: dict[str, Any]  # of the sources
     content_sha256: str
+    spec: dict[str, Any]  # of the fit
 
     @classmethod
     def read(cls, path: Path) -> Knowledge:
@@ -135,7 +139,7 @@ class Knowledge:
             names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
             fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
-            return cls(path, fit, family, sources["learning"], artefact.content_sha256)
+            return cls(path, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
 
     @property
     def given(self) -> dict[str, str]:
@@ -163,6 +167,7 @@ def transfer(
         learning.evaluate_every,
     )
     _say_overrides(targets.learning, known.learning, display)
+    _say_limits(method, known.fit, family, display)
     count = learning.tasks or family.target_tasks
     tables = OptimalTables(targets, count, known.learning, output, work, display)
     initial = method.initial(known.fit, targets.targets(count, tables))
@@ -197,7 +202,7 @@ def _plan(
     inputs = [known.given, *tables]
     return Plan(
         stem=f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}",
-        spec=specs.run(method, targets, count, [given["content_sha256"] for given in inputs]),
+        spec=specs.run(method, targets, count, known.content_sha256, known.spec),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         compiled=_compiled(targets, initial),
@@ -246,6 +251,14 @@ def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display
                 display,
                 f"{name} {getattr(learning, name)}, where the sources were learned with {sources[name]}",
             )
+
+
+def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> None:
+    if family.warning:
+        note(display, f"warning: {family.warning}")
+    asked, there = getattr(method, "library", 0), len(fit.library_q)
+    if asked > there:
+        note(display, f"{method.name} was to choose among {asked} source policies; this fit keeps {there}")
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:

@@ -204,10 +204,12 @@ class MountainCar:
     def nearness(self, tasks: Tasks, gamma: float, *, linear: bool) -> Floats:
         """How near each state is to the goal, 0 to 1, (S,): the position from the left wall to the flag.
 
-        The same for every task and in both forms: the flag does not move, and the position is linear as it is.
+        The same for every task: the flag does not move. NotAllowed for `linear`, which the position is as it is.
         """
         import numpy as np
 
+        if linear:
+            raise NotAllowed("mountain-car's distance is the position, linear as it is; leave --distance out")
         position = np.repeat(self._centres(*POSITIONS), self.bins)
         near: Floats = np.clip((position + 1.2) / 1.7, 0.0, 1.0)
         return near

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Literal
 
 from qinit_cli.environments import family_of
-from qinit_cli.errors import NotAllowed
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
 from qinit_cli.seeding import Stream, generator
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 Metric = Literal["return", "success", "steps"]
 
-FEW_SETS = 5  # below, the intervals over source sets cover less than they say
+FIRST_EVALUATIONS = 1  # before anything is learned: a greedy evaluation's jumpstart
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Row:
     remark: str  # what a reader must know of the method
     sets: int  # source sets it was run from
     average: Estimate  # over all episodes
-    jumpstart: Estimate  # over the first 10 episodes
+    jumpstart: Estimate  # over the first 10 episodes, or before anything was learned (greedy evaluations)
     asymptotic: Estimate  # over the last tenth
     steps: float  # mean of min(steps, horizon)
     success: float  # share of episodes that reach the goal
@@ -54,6 +55,7 @@ class Comparison:
     """Methods that met the same targets."""
 
     title: str
+    distribution: str  # of the targets, in canonical JSON
     intervals: str  # what they are over, in words
     sets: int
     targets: int
@@ -68,7 +70,9 @@ def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparis
     `baseline` is a method's label or an artefact's name. One source set: intervals over targets. Several: over sets and
     targets, both resampled where the targets are shared, targets within sets where each has its own.
     """
-    return [_comparison(group, baseline, metric) for group in grouped(runs)]
+    comparisons = [_comparison(group, baseline, metric) for group in grouped(runs)]
+    _check_baseline(comparisons, baseline)
+    return comparisons
 
 
 def curve(run: Run, metric: Metric) -> Floats:
@@ -84,25 +88,19 @@ def curve(run: Run, metric: Metric) -> Floats:
             return returns.restricted_steps(run.steps, run.horizon)
 
 
-def labels(runs: Sequence[Run]) -> list[str]:
-    """What each run of one group is called there."""
-    named = {
-        run.name: entry.label for group in grouped(runs) for entry in group.entries for run in entry.runs
-    }
-    return [named[run.name] for run in runs]
-
-
 def attainable(group: Group) -> Callable[[Run], Floats] | None:
     """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
-    The exact value of epsilon-greedy on Q* (v_eps) where there are exact tables; else what the run of `optimal` on the same
-    targets earns in its last tenth; None without either.
+    The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the
+    run of `optimal` on the same targets earns in its last tenth; None without either.
     """
     from qinit_cli.analysis import returns
 
-    if all(run.v_eps is not None for entry in group.entries for run in entry.runs):
-        return lambda run: run.v_eps if run.v_eps is not None else returns.average(curve(run, "return"))
-    optimal = next((entry for entry in group.entries if entry.label == "optimal"), None)
+    if all(run.attainable is not None for entry in group.entries for run in entry.runs):
+        return lambda run: (
+            run.attainable if run.attainable is not None else returns.average(curve(run, "return"))
+        )
+    optimal = next((entry for entry in group.entries if entry.method == "optimal"), None)
     if optimal is None or not all(optimal.beside(run) for entry in group.entries for run in entry.runs):
         return None
     return lambda run: returns.asymptotic(curve(optimal.beside(run) or run, "return"))
@@ -118,12 +116,15 @@ def remark(method: str) -> str:
 
 
 def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
+    from store.spec import canonical_json
+
     base = _baseline(group, baseline)
     possible = attainable(group)
     rows = [_row(entry, group, metric, None if entry is base else base, possible) for entry in group.entries]
     targets, episodes = group.any_run.steps.shape
     return Comparison(
         title=_title(group, targets, episodes),
+        distribution=canonical_json(group.any_run.spec["family"]),
         intervals=_intervals(group),
         sets=group.sets,
         targets=targets,
@@ -134,14 +135,33 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
 
 
 def _title(group: Group, targets: int, episodes: int) -> str:
-    label = family_of(group.any_run.spec).label
+    label, counted = family_of(group.any_run.spec).label, f"{episodes} {group.any_run.unit}"
     if not group.shared:
-        return f"{label}, {group.sets} source sets, {targets} targets of each, {episodes} episodes"
+        return f"{label}, {group.sets} source sets, {targets} targets of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
-    return f"{label}, {sets}{targets} targets of seed {group.any_run.spec['seed']}, {episodes} episodes"
+    return f"{label}, {sets}{targets} targets of seed {group.any_run.spec['seed']}, {counted}"
+
+
+def _check_baseline(comparisons: list[Comparison], baseline: str) -> None:
+    """NotAllowed where one distribution's runs met other targets than its baseline; UsageError for a name nobody has."""
+    there = [comparison for comparison in comparisons if comparison.baseline is not None]
+    for comparison in comparisons:
+        same = [other for other in there if other.distribution == comparison.distribution]
+        if comparison.baseline is None and same:
+            raise NotAllowed(
+                f"runs of {comparison.title} did not meet the targets of {baseline}'s run ({same[0].title}), so they cannot be "
+                f"compared in pairs; transfer both with the same --seed, --tasks and learning options"
+            )
+    if not there and baseline not in METHODS:
+        known = [*METHODS, *(row.label for comparison in comparisons for row in comparison.rows)]
+        near = get_close_matches(baseline, known, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise UsageError(f"--baseline {baseline} is neither a method nor among these runs{hint}")
 
 
 def _intervals(group: Group) -> str:
+    from qinit_cli.analysis.intervals import FEW_SOURCE_SETS
+
     if group.sets == 1:
         return "95 % bootstrap intervals over targets, conditional on this source set, uncorrected"
     over = (
@@ -149,8 +169,14 @@ def _intervals(group: Group) -> str:
         if group.shared
         else "source sets, and targets within them"
     )
-    few = f"; under {FEW_SETS} source sets they cover less than 95 %" if group.sets < FEW_SETS else ""
-    return f"95 % bootstrap intervals over {over}, uncorrected{few}"
+    few = (
+        f"; under {FEW_SOURCE_SETS} source sets they cover less than 95 %"
+        if group.sets < FEW_SOURCE_SETS
+        else ""
+    )
+    single = any(len(entry.runs) == 1 for entry in group.entries)
+    once = "; of what was run from one source set alone, over targets" if single else ""
+    return f"95 % bootstrap intervals over {over}{once}, uncorrected{few}"
 
 
 def _baseline(group: Group, baseline: str) -> Entry | None:
@@ -174,9 +200,10 @@ def _row(
     from qinit_cli.analysis import returns
 
     curves = [curve(run, metric) for run in entry.runs]
+    first = FIRST_EVALUATIONS if group.any_run.unit == "evaluations" else returns.JUMPSTART_EPISODES
     summaries = {
         "average": np.stack([returns.average(values) for values in curves]),
-        "jumpstart": np.stack([returns.jumpstart(values) for values in curves]),
+        "jumpstart": np.stack([returns.jumpstart(values, first) for values in curves]),
         "asymptotic": np.stack([returns.asymptotic(values) for values in curves]),
     }
     paired = [base.beside(run) for run in entry.runs] if base is not None else []

@@ -1,7 +1,8 @@
 """Which runs may be compared: those of one distribution that met the same targets, from one source set or several.
 
-A source set is a fit. Several sets may share their targets (one transfer seed), or each may have its own; which of the two it is
-shows in the targets' digests and decides how intervals are made.
+A source set is one set of sources, however fitted: fits of the same sources are other options of a method, and fits of
+sources from another distribution are no replicates. Several sets may share their targets (one transfer seed), or each may
+have its own; which of the two it is shows in the targets' digests and decides how intervals are made.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from qinit_cli.runs import Run
+
+READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median reads them
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,18 @@ class Entry:
         return self.runs[0].method
 
     def beside(self, run: Run) -> Run | None:
-        """This method's run on the same targets as `run`, from the same source set where there are several; None if none."""
+        """This method's run on the same targets and from the same source set as `run`; None if there is none.
+
+        A method that reads no sources is the same from every set, so that one run of it serves all.
+        """
         same = [own for own in self.runs if own.target_digest == run.target_digest]
-        return next((own for own in same if own.fit == run.fit), same[0] if len(same) == 1 else None)
+        beside = next((own for own in same if own.source_set == run.source_set), None)
+        return same[0] if beside is None and same and self.reads_no_sources else beside
+
+    @property
+    def reads_no_sources(self) -> bool:
+        """Whether the method would be the same whatever the sources are."""
+        return self.runs[0].label.split()[0] in READ_NO_SOURCES
 
 
 @dataclass(frozen=True)
@@ -65,13 +77,16 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
     earlier: Counter[Any] = Counter()
     copies: dict[str, int] = {}  # of what was run before on the same targets from the same source set
     for run in runs:
-        same = (_options(run), run.target_digest, run.fit)
+        same = (_options(run), run.target_digest, run.source_set)
         copies[run.name] = earlier[same]
         earlier[same] += 1
     variants = _by(runs, lambda run: (_options(run), copies[run.name]))
     count = Counter(variant[0].label for variant in variants)
     return tuple(
-        Entry(_label(variant[0], count), tuple(sorted(variant, key=lambda run: (run.target_digest, run.fit))))
+        Entry(
+            _label(variant[0], count),
+            tuple(sorted(variant, key=lambda run: (run.target_digest, run.source_set))),
+        )
         for variant in variants
     )
 
@@ -81,12 +96,13 @@ def _label(run: Run, count: Counter[str]) -> str:
     return run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}"
 
 
-def _options(run: Run) -> tuple[str, str, str]:
-    return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"])
+def _options(run: Run) -> tuple[str, str, str, str]:
+    fitted = {} if run.label.split()[0] in READ_NO_SOURCES else run.fitted
+    return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
 
 
 def _sets(runs: Sequence[Run]) -> int:
-    return len({run.fit for run in runs})
+    return len({run.source_set for run in runs})
 
 
 def _distribution(run: Run) -> tuple[str, str, tuple[int, ...]]:

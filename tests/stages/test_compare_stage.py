@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.errors import NotAllowed
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.runs import Run
 from qinit_cli.seeding import Stream, generator
 from qinit_cli.stages.compare import compare, curve
@@ -21,7 +21,8 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
     """A run whose returns are 0.5^(steps - 1) where the goal was reached."""
     family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
     learning = {"gamma": GAMMA, "horizon": 100, "episodes": EPISODES}
-    own = {"method": {"name": method}, "inputs": ["fit"]} | spec
+    sources = {"sources": spec.pop("sources", "set")}
+    own = {"method": {"name": method}, "inputs": ["fit"], "source_set": sources} | spec
     settings = {"family": family, "learning": learning, "seed": 0, **own}
     return Run(
         name=name or f"{method}-run",
@@ -30,7 +31,8 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
         spec=settings,
         steps=np.asarray(steps, np.int32),
         reached=np.asarray(reached, bool),
-        v_eps=None,
+        attainable=None,
+        v_star=None,
         greedy_returns=None,
         target_digest=targets,
     )
@@ -161,13 +163,46 @@ def test_one_target_alone_has_no_interval() -> None:
     assert np.isnan([average.low, average.high]).all()
 
 
-def test_runs_that_met_other_targets_are_grouped_apart() -> None:
+def test_runs_of_one_distribution_that_met_other_targets_are_not_compared() -> None:
     elsewhere = _run("maxqinit", _filled(2, 2), ALWAYS, targets="u", name="elsewhere")
+    with pytest.raises(NotAllowed, match="did not meet the targets of zero's run"):
+        compare([ZERO, elsewhere, OTHER], "zero", "return")
+
+
+def test_runs_of_another_distribution_are_grouped_apart() -> None:
+    family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=3))}
+    elsewhere = _run("maxqinit", _filled(2, 2), ALWAYS, targets="u", name="elsewhere", family=family)
     first, second = compare([ZERO, elsewhere, OTHER], "zero", "return")
     assert [row.label for row in first.rows] == ["zero", "maxqinit"]
     assert [row.label for row in second.rows] == ["maxqinit"]
     assert (first.baseline, second.baseline) == ("zero", None)
     assert second.rows[0].difference is None
+
+
+def test_a_baseline_that_nobody_has_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(UsageError, match="did you mean maxqinit"):
+        compare([ZERO, OTHER], "maxqinti", "return")
+
+
+def test_fits_of_the_same_sources_are_options_not_replicates() -> None:
+    twice = [
+        replace(
+            OTHER,
+            name=f"run-{estimator}",
+            spec=OTHER.spec | {"source_set": {"sources": "set", "estimator": estimator}},
+        )
+        for estimator in ("mle", "umvue")
+    ]
+    [comparison] = compare([ZERO, *twice], "zero", "return")
+    assert comparison.sets == 1
+    assert [row.label for row in comparison.rows] == ["zero", "maxqinit run-mle", "maxqinit un-umvue"]
+
+
+def test_a_method_that_reads_its_sources_is_no_baseline_for_other_sets() -> None:
+    runs = _source_sets(shared=True, sets=2)
+    mean = _run("mean", OTHER.steps[[0] * 9], OTHER.reached[[0] * 9], name="mean-0", sources="set0")
+    [comparison] = compare([*runs, mean], "mean", "return")
+    assert [row.difference for row in comparison.rows] == [None, None, None]
 
 
 def test_a_baseline_that_could_be_several_runs_is_refused_with_their_names() -> None:
@@ -206,7 +241,7 @@ def _source_sets(shared: bool, sets: int = 6, targets: int = 9) -> list[Run]:
             chance.random((targets, EPISODES)) < 0.8,
             name=f"{method}-{number}",
             targets="t" if shared else f"t{number}",
-            inputs=[f"fit{number}"],
+            sources=f"set{number}",
         )
         for number in range(sets)
         for method in ("zero", "maxqinit")
@@ -241,5 +276,8 @@ def test_one_baseline_serves_every_source_set_that_met_its_targets() -> None:
 
 
 def test_one_source_set_on_two_sets_of_targets_is_not_two_source_sets() -> None:
-    runs = [replace(run, spec=run.spec | {"inputs": ["fit"]}) for run in _source_sets(shared=False, sets=2)]
+    runs = [
+        replace(run, spec=run.spec | {"source_set": {"sources": "set"}})
+        for run in _source_sets(shared=False, sets=2)
+    ]
     assert [comparison.sets for comparison in compare(runs, "zero", "return")] == [1, 1]
