@@ -79,8 +79,11 @@ class Gridworld:
     @property
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
+        size = "" if self.size == 30 else f"-{self.size}"
         goals = "uniform" if self.goals == "uniform" else f"variance-{self.variance:g}"
-        return f"gridworld-{goals}" if self.size == 30 else f"gridworld-{self.size}-{goals}"
+        mean = "" if self.mean is None or self.mean == 2 * self.size / 3 else f"-mean-{self.mean:g}"
+        p = "" if (self.p_low, self.p_high) == (0.6, 0.9) else f"-p-{self.p_low:g}-{self.p_high:g}"
+        return f"gridworld{size}-{goals}{mean}{p}"
 
     @property
     def shape(self) -> tuple[int, ...]:

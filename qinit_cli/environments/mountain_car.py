@@ -68,7 +68,9 @@ class MountainCar:
         step = "-per-step" if self.noise_per == "step" else ""
         variance = "-variance" if self.noise_is == "variance" else ""
         bins = "" if self.bins == 30 else f"-{self.bins}"
-        return f"mountain-car{bins}-noise{variance}-{self.noise:g}{step}"
+        hill = "" if self.hill == 0 else f"-hill-{self.hill:g}"
+        start = "" if self.target_start == "point" else f"-from-the-{self.target_start}"
+        return f"mountain-car{bins}-noise{variance}-{self.noise:g}{step}{hill}{start}"
 
     @property
     def warning(self) -> str:

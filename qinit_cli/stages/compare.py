@@ -135,7 +135,8 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
 
 
 def _title(group: Group, targets: int, episodes: int) -> str:
-    label, counted = family_of(group.any_run.spec).label, f"{episodes} {group.any_run.unit}"
+    anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
+    label, counted = family_of(group.any_run.spec).label, f"{episodes} {group.any_run.unit}{anywhere}"
     if not group.shared:
         return f"{label}, {group.sets} source sets, {targets} targets of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
