@@ -206,9 +206,8 @@ def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
 def _failure(task: int, error: Exception, plan: Plan) -> str:
     """What failed, and the command that makes it fail again."""
     words = shlex.split(provenance(plan.read)["command"])
-    for option in ("--shard", "-o", "--output"):
-        if option in words:
-            del words[words.index(option) : words.index(option) + 2]
+    if "--shard" in words:
+        del words[words.index("--shard") : words.index("--shard") + 2]
     alone = shlex.join([*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast"])
     return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
 
