@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
-BATCH = (
-    16  # tasks: enough to keep every lane of the kernels busy, few enough that little is lost with a batch
-)
+# tasks: the kernels learn four or eight side by side, and a few long ones (a car that is pushed back takes twelve times the
+# steps) must not leave the other lanes idle; few enough that little is lost with a batch
+BATCH = 32
 IN_FLIGHT = 2  # batches per worker: one at work, one waiting
 TICK = 0.1  # seconds between two looks at progress
 
