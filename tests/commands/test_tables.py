@@ -38,7 +38,7 @@ def _rows(text: str, delimiter: str) -> list[dict[str, str]]:
 def test_tsv_csv_json_and_jsonl_hold_the_same_rows(compared: Callable[..., Any]) -> None:
     told = json.loads(compared("--format", "json").out)
     assert told["schema"].startswith("qinit.compare/")
-    [interval] = told["intervals"].values()
+    [interval] = [group["over"] for group in told["intervals"]]
     assert "conditional on this source set" in interval
     rows = told["rows"]
     lines = [json.loads(line) for line in compared("--format", "jsonl").out.splitlines()]
