@@ -20,15 +20,12 @@ from qinit_cli.commands import (
     fit,
     list_artefacts,
     merge,
-    plot,
     salvage,
     sample_size,
     show,
-    train_sources,
-    transfer,
     verify,
 )
-from qinit_cli.commands.build import option_names
+from qinit_cli.commands.build import add_later, option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
@@ -53,18 +50,35 @@ app = typer.Typer(
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-PANELS = {
-    "The pipeline": (train_sources, fit, transfer, compare),
-    "Artefacts": (list_artefacts, show, plot, export, verify, salvage, merge),
-    "Planning and installation": (sample_size, config, doctor, bench),
+LATER = {  # commands with many subcommands, made when they are needed
+    "train-sources": "Learn source tasks of a family and save their tables; prints the path.",
+    "transfer": "Learn target tasks from what a method starts them with; prints the path.",
+    "plot": "Draw pictures from stored artefacts: PNG, SVG or PDF.",
 }
-for panel, modules in PANELS.items():
-    for module in modules:
-        module.add_to(app)
-    for command in app.registered_commands:
-        command.rich_help_panel = command.rich_help_panel or panel
-    for group in app.registered_groups:
-        group.rich_help_panel = group.rich_help_panel or panel
+for name, told in LATER.items():
+    add_later(app, name, f"qinit_cli.commands.{name.replace('-', '_')}", told)
+for module in (
+    fit,
+    compare,
+    list_artefacts,
+    show,
+    export,
+    verify,
+    salvage,
+    merge,
+    sample_size,
+    config,
+    doctor,
+    bench,
+):
+    module.add_to(app)
+PANELS = {
+    "The pipeline": ("train-sources", "fit", "transfer", "compare"),
+    "Artefacts": ("list", "show", "plot", "export", "verify", "salvage", "merge"),
+    "Planning and installation": ("sample-size", "config", "doctor", "bench"),
+}
+for added in (*app.registered_commands, *app.registered_groups):
+    [added.rich_help_panel] = [panel for panel, names in PANELS.items() if added.name in names]  # type: ignore[attr-defined]  # of two classes alike
 
 
 def _print_version(asked: bool) -> None:

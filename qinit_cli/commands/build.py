@@ -9,10 +9,13 @@ import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, ClassVar, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import flag, options
@@ -37,10 +40,11 @@ class Group:
     panel: str
     default_texts: Mapping[str, str] = field(default_factory=dict)
 
-    def parameters(self) -> list[inspect.Parameter]:
-        """The options as keyword parameters that typer reads."""
+    @cached_property
+    def parameters(self) -> tuple[inspect.Parameter, ...]:
+        """The options as keyword parameters that typer reads; made once, as many commands share a group."""
         hints = get_type_hints(self.owner)
-        return [self._parameter(option, hints[option.name]) for option in options(self.owner)]
+        return tuple(self._parameter(option, hints[option.name]) for option in options(self.owner))
 
     def instance(self, values: Mapping[str, Any]) -> Any:
         """The dataclass made from parsed options; UsageError, one sentence, where they cannot be meant so."""
@@ -119,7 +123,7 @@ def add_command(
         keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
         parameters.insert(0, inspect.Parameter("context", keyword, annotation=typer.Context))
     for group in groups.values():
-        parameters += group.parameters()
+        parameters += group.parameters
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     app.command(name, help=help, rich_help_panel=panel)(command)
@@ -133,14 +137,41 @@ def _artefact_names(context: typer.Context, arguments: list[str], incomplete: st
     return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]
 
 
+class Later(TyperGroup):
+    """A command whose subcommands are made when one of them is asked for: help of the others stays fast."""
+
+    module: ClassVar[str]  # whose `add_to` makes them
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The subcommands' names."""
+        return super().list_commands(self._filled(ctx))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The subcommand of that name, or None."""
+        return super().get_command(self._filled(ctx), cmd_name)
+
+    def _filled(self, ctx: Any) -> Any:
+        if not self.commands:
+            made = typer.Typer()
+            import_module(self.module).add_to(made)
+            self.commands.update(typer.main.get_group(made).commands)
+        return ctx
+
+
+def add_later(app: typer.Typer, name: str, module: str, help: str) -> None:
+    """Adds to `app` the command `name`, whose subcommands that module's `add_to` adds once they are needed."""
+    kind = type("Later", (Later,), {"module": module})
+    app.add_typer(typer.Typer(cls=kind, no_args_is_help=True), name=name, help=help)
+
+
 def walk(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
     """Every command below a built one with the options that a configuration may set, in order."""
-    below = getattr(command, "commands", None)
-    if below is None:
+    if not isinstance(command, TyperGroup):
         yield path, [parameter for parameter in command.params if _is_setting(parameter)]
         return
-    for name, subcommand in below.items():
-        yield from walk(subcommand, (*path, name))
+    context: Any = None  # neither needs one
+    for name in command.list_commands(context):
+        yield from walk(command.get_command(context, name), (*path, name))
 
 
 def option_names(command: Any) -> dict[tuple[str, ...], frozenset[str]]:

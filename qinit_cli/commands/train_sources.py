@@ -61,14 +61,8 @@ class LearningSources:
             raise UsageError(f"--{error}") from error
 
 
-def add_to(app: typer.Typer) -> None:
-    """Adds the command, with one subcommand per family."""
-    families = typer.Typer(no_args_is_help=True)
-    app.add_typer(
-        families,
-        name="train-sources",
-        help="Learn source tasks of a family and save their tables; prints the path.",
-    )
+def add_to(families: typer.Typer) -> None:
+    """Adds one subcommand per family."""
     for name, family in FAMILIES.items():
         add_command(
             families,

@@ -78,14 +78,9 @@ class LearningTargets:
             raise UsageError(f"--shift: {error}") from error
 
 
-def add_to(app: typer.Typer) -> None:
-    """Adds the command, with one subcommand per method."""
-    methods = typer.Typer(no_args_is_help=True)
-    app.add_typer(
-        methods,
-        name="transfer",
-        help="Learn target tasks from what a method starts them with; prints the path.",
-    )
+def add_to(methods: typer.Typer) -> None:
+    """Adds one subcommand per method."""
+    targets = Group(LearningTargets, "Targets", _defaults())
     for name, method in METHODS.items():
         add_command(
             methods,
@@ -93,7 +88,7 @@ def add_to(app: typer.Typer) -> None:
             transfer,
             {
                 "method": Group(method, "Method"),
-                "learning": Group(LearningTargets, "Targets", _defaults()),
+                "learning": targets,
                 "output": OUTPUT,
                 "work": WORK,
                 "display": DISPLAY,

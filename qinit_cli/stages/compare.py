@@ -67,7 +67,8 @@ class Comparison:
 def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
     """One comparison per group of runs that may be compared, in order of appearance.
 
-    `baseline` is a method's label or an artefact's name. One source set: intervals over targets. Several: over sets and
+    `baseline` is a method's label or an artefact's name; "" for averages alone. One source set: intervals
+    over targets. Several: over sets and
     targets, both resampled where the targets are shared, targets within sets where each has its own.
     """
     comparisons = [_comparison(group, baseline, metric) for group in grouped(runs)]
@@ -145,6 +146,8 @@ def _title(group: Group, targets: int, episodes: int) -> str:
 
 def _check_baseline(comparisons: list[Comparison], baseline: str) -> None:
     """NotAllowed where one distribution's runs met other targets than its baseline; UsageError for a name nobody has."""
+    if not baseline:
+        return
     there = [comparison for comparison in comparisons if comparison.baseline is not None]
     for comparison in comparisons:
         same = [other for other in there if other.distribution == comparison.distribution]
