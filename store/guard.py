@@ -86,11 +86,10 @@ def attributes(owner: Any) -> dict[str, Any]:
 
     ValueError where one is of a type or size we never write.
     """
-    names: list[bytes] = []
-    # No exception may pass through the iteration, so nothing is opened there; anything but None ends it.
-    h5py.h5a.iterate(owner, lambda name: names.append(name) if len(names) <= MOST_ATTRIBUTES else True)
-    if len(names) > MOST_ATTRIBUTES:
+    if h5py.h5a.get_num_attrs(owner) > MOST_ATTRIBUTES:
         raise ValueError("too many attributes")
+    names: list[bytes] = []
+    h5py.h5a.iterate(owner, names.append)  # no Python in there: no exception may pass through the iteration
     return {name.decode(): _value(owner, name) for name in names if name not in SCALE_ATTRIBUTES}
 
 
@@ -124,10 +123,10 @@ def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
 
 
 def _names(root: Any) -> list[str]:
-    names: list[bytes] = []
-    root.links.iterate(lambda name: names.append(name) if len(names) <= MOST_DATASETS else True)
-    if len(names) > MOST_DATASETS:
+    if root.get_num_objs() > MOST_DATASETS:
         raise ValueError("too many datasets")
+    names: list[bytes] = []
+    root.links.iterate(names.append)
     for name in names:
         if not NAME.fullmatch(name.decode("ascii")):
             raise ValueError(f"{name!r} is no name of a dataset")

@@ -16,6 +16,7 @@ from store import encoding, folder, publish
 from store.digest import task_digests
 from store.disk import Disk
 from store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
+from store.interrupts import HeldBack, held_back
 from store.lock import held
 from store.reading import Artefact, open_artefact, open_part
 from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
@@ -340,17 +341,17 @@ class Work:
         """Write the final file; its content hash."""
         joined = b"".join(self._digests[number] for number in ids.tolist())
         digests = np.frombuffer(joined, dtype=np.uint8).reshape(-1, DIGEST_BYTES)
-        growing = publish.Growing(self._disk, whole, self._room(ids, statics))
-        try:
-            with h5py.File(growing, "w", libver=encoding.LIBVER) as file:
-                content = encoding.write(
-                    file, header, self._schema, ids, digests, statics, self._blocks(ids, growing)
-                )
-            growing.finish()
-        except BaseException:
-            growing.abandon()
-            growing.check()  # what HDF5 made of it is of no interest
-            raise
+        with held_back() as signals:
+            growing = publish.Growing(self._disk, whole, self._room(ids, statics))
+            try:
+                with h5py.File(growing, "w", libver=encoding.LIBVER) as file:
+                    blocks = self._blocks(ids, growing, signals)
+                    content = encoding.write(file, header, self._schema, ids, digests, statics, blocks)
+                growing.finish()
+            except BaseException:
+                growing.abandon()
+                growing.check()  # what HDF5 made of it is of no interest
+                raise
         return content
 
     def _room(self, ids: Array, statics: Mapping[str, Array]) -> int:
@@ -359,11 +360,14 @@ class Work:
             [*(path.stat().st_size for path in parts), *(values.nbytes for values in statics.values())]
         )
 
-    def _blocks(self, ids: Array, growing: publish.Growing) -> Iterator[tuple[int, dict[str, Array]]]:
+    def _blocks(
+        self, ids: Array, growing: publish.Growing, signals: HeldBack
+    ) -> Iterator[tuple[int, dict[str, Array]]]:
         """The verified rows of the parts in the order of `ids`, about 8 MiB at a time."""
         size = self._schema.block_size
         for first in range(0, ids.size, size):
             growing.check()
+            signals.deliver()
             yield first, self._gathered(ids[first : first + size].tolist())
         growing.check()
 

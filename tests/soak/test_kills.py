@@ -28,17 +28,21 @@ KILLS = 25  # of each stage
 LOGGED = """
 from qinit_cli import signals
 signals.install()
-import os
-from qinit_cli.__main__ import main
-from qinit_cli.commands import making
-from store.work import Work
-log = os.open(os.environ["SAVED_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-save = Work.save
-def logged(work, rows, tasks):
-    save(work, rows, tasks)
-    os.write(log, "".join(f"{task}\\n" for task in tasks).encode())
-Work.save = logged
-making.SAVE_SECONDS = 0.05
+from qinit_cli.errors import Interrupted
+try:
+    import os
+    from qinit_cli.__main__ import main
+    from qinit_cli.commands import making
+    from store.work import Work
+    log = os.open(os.environ["SAVED_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    save = Work.save
+    def logged(work, rows, tasks):
+        save(work, rows, tasks)
+        os.write(log, "".join(f"{task}\\n" for task in tasks).encode())
+    Work.save = logged
+    making.SAVE_SECONDS = 0.05
+except Interrupted as interrupted:
+    raise SystemExit(interrupted.exit_code)
 main()
 """
 
