@@ -22,7 +22,7 @@ from store.reading import describe, open_artefact, open_part
 
 pytestmark = pytest.mark.soak
 
-KILLS = 25  # of each stage
+KILLS = 25  # of each stage, and as many signals that can be caught
 
 # qinit as it is, but that it saves more often, and writes the ids of what it saved into a log once they count as saved.
 LOGGED = """
@@ -177,6 +177,6 @@ def test_killed_at_random_times_nothing_is_lost_or_learned_twice(
 def test_interrupted_and_terminated_at_random_times_nothing_is_lost_or_learned_twice(
     job: Job, tmp_path: Path, record_property: Callable[[str, Any], None]
 ) -> None:
-    counts = interrupt(job, tmp_path, 10, (signal.SIGINT, signal.SIGTERM), seed=2)
+    counts = interrupt(job, tmp_path, KILLS, (signal.SIGINT, signal.SIGTERM), seed=2)
     record_property("counts", dict(counts))
     print(*job.words[:4], dict(counts))
