@@ -29,6 +29,7 @@ from qinit_cli.commands.build import add_later, option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
+HELP_WIDTH = 200  # of a command's line, wrapped where the terminal ends
 ORDER = ("train-sources", "fit", "transfer", "compare", "list", "show", "plot")  # then the rest
 
 
@@ -40,13 +41,28 @@ class InOrder(TyperGroup):
         names = super().list_commands(ctx)
         return [name for name in ORDER if name in names] + [name for name in names if name not in ORDER]
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Writes the help in plain text: importing rich would take as long as all the rest."""
+        self.format_usage(ctx, formatter)
+        self.format_help_text(ctx, formatter)
+        for panel, names in PANELS.items():
+            with formatter.section(panel):
+                formatter.write_dl(
+                    [(name, self.commands[name].get_short_help_str(HELP_WIDTH)) for name in names]
+                )
+        with formatter.section("Options"):
+            formatter.write_dl(
+                [record for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
+            )
+        self.format_epilog(ctx, formatter)
+
 
 app = typer.Typer(
     cls=InOrder,
     name="qinit",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": HELP_WIDTH},
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
     epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
