@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-WORDS = ("train-sources", "gridworld", "--size", "10", "--variance", "2", "--tasks", "96", "--jobs", "1")
+WORDS = ("train-sources", "gridworld", "--size", "10", "--variance", "2", "--tasks", "320", "--jobs", "1")
 EPISODES = ("--episodes", "8000")
 # qinit as it is, but for saving every finished batch at once: a signal then finds saved and missing tasks on any machine
 EAGER = (
@@ -77,11 +77,11 @@ def test_interrupted_terminated_and_killed_the_same_command_ends_with_the_same_c
         assert (ended, out) == (code, "")
         last = err.splitlines()[-1]
         assert last.startswith("qinit: stopped: ")
-        assert "of 96 tasks are saved; the same command goes on with the rest" in last
+        assert "of 320 tasks are saved; the same command goes on with the rest" in last
         assert "Traceback" not in err
         assert not (tmp_path / "a.h5").exists()
         saved = int(last.split()[2])
-        assert 0 < saved < 96
+        assert 0 < saved < 320
     ended, out, _ = _stopped(tmp_path, signal.SIGKILL)
     assert (ended, out) == (-signal.SIGKILL, "")
     kept = _parts(tmp_path)
@@ -129,7 +129,7 @@ def test_unfinished_work_is_listed_with_the_command_that_goes_on(
     ended = qinit("list", "--format", "json")
     [row] = json.loads(ended.out)["rows"]
     assert row["state"].startswith("unfinished")
-    assert 0 < row["tasks"] < 96
+    assert 0 < row["tasks"] < 320
     assert "train-sources gridworld --size 10" in ended.err
 
 
