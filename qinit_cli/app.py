@@ -97,6 +97,9 @@ for added in (*app.registered_commands, *app.registered_groups):
     [added.rich_help_panel] = [panel for panel, names in PANELS.items() if added.name in names]  # type: ignore[attr-defined]  # of two classes alike
 
 
+FAST = {"-h", "--help", "-V", "--version"}  # what needs no settings
+
+
 def _print_version(asked: bool) -> None:
     if asked:
         typer.echo(f"qinit {__version__}")
@@ -120,7 +123,10 @@ def run(arguments: list[str]) -> int:
     try:
         command = typer.main.get_command(app)
         code = command.main(
-            args=arguments, prog_name="qinit", standalone_mode=False, default_map=_configured(command)
+            args=arguments,
+            prog_name="qinit",
+            standalone_mode=False,
+            default_map=_configured(command, arguments),
         )
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
@@ -140,8 +146,10 @@ def run(arguments: list[str]) -> int:
         return _say(*_sentence(error))
 
 
-def _configured(command: object) -> dict[str, object] | None:
-    """Defaults from configuration files, with every QINIT_* variable known; None where there are neither."""
+def _configured(command: object, arguments: list[str]) -> dict[str, object] | None:
+    """Defaults from configuration files, with every QINIT_* variable known; None where there are neither, or help is asked."""
+    if FAST.intersection(arguments):
+        return None
     if not configuration.files() and not any(name.startswith(configuration.PREFIX) for name in os.environ):
         return None
     commands = option_names(command)
