@@ -6,10 +6,20 @@ import os
 import re
 import sys
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from qinit_cli.commands.build import Group
 from qinit_cli.fields import check, option
+
+
+def store_option() -> Any:
+    """The option that says where artefacts are kept and looked up."""
+    return option(
+        "qinit-store",
+        "The folder of artefacts, also QINIT_STORE.",
+        default_text="./qinit-store",
+        metavar="DIR",
+    )
 
 
 @dataclass(frozen=True)
@@ -23,12 +33,7 @@ class Output:
         metavar="PATH",
         default_text="a name made of what it is, in the store",
     )
-    store: str = option(
-        "qinit-store",
-        "The folder of artefacts, also QINIT_STORE.",
-        default_text="./qinit-store",
-        metavar="DIR",
-    )
+    store: str = store_option()
     force: bool = option(False, "Replace an artefact of that name that has other settings.")
     wait: bool = option(False, "Wait while another process writes the same artefact.")
     dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
@@ -103,12 +108,7 @@ class OnePass:
 class Reading:
     """Where names of artefacts are looked up."""
 
-    store: str = option(
-        "qinit-store",
-        "The folder of artefacts, also QINIT_STORE.",
-        default_text="./qinit-store",
-        metavar="DIR",
-    )
+    store: str = store_option()
 
 
 @dataclass(frozen=True)

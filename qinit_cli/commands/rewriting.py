@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from qinit_cli.commands.build import Group
-from qinit_cli.commands.groups import Display
+from qinit_cli.commands.groups import Display, store_option
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
@@ -25,12 +25,7 @@ class Rewriting:
         metavar="PATH",
         default_text="beside the first, under a new name",
     )
-    store: str = option(
-        "qinit-store",
-        "The folder of artefacts, also QINIT_STORE.",
-        default_text="./qinit-store",
-        metavar="DIR",
-    )
+    store: str = store_option()
     force: bool = option(False, "Replace an artefact of that name that has other settings.")
     json: bool = option(False, "Print one JSON object instead of the path.")
 
