@@ -10,6 +10,8 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
+from qinit_cli.nearest import nearest
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
@@ -61,7 +63,7 @@ def check(instance: DataclassInstance) -> None:
         value = getattr(instance, field.name)
         choices = _choices(hints[field.name])
         if choices and value not in (*choices, field.default):  # which may be None
-            raise ValueError(f"{flag(field.name)} is {value!r}; it is one of {', '.join(choices)}")
+            raise ValueError(f"{flag(field.name)} is {value!r}; {nearest(str(value), choices)}")
         if isinstance(value, int | float) and not isinstance(value, bool):
             _check_number(field, value)
 

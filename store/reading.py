@@ -215,7 +215,7 @@ def _open(path: Path, formats: tuple[str, ...], *, trust: bool = True) -> Artefa
         description, format = _described(path, file, size)
         if format not in formats:
             wanted = " or ".join(one.removeprefix("qinit/") for one in formats)
-            raise Refused(f"{path} holds a {format.removeprefix('qinit/')}; wanted {wanted}")
+            raise Refused(f"{path} is of the kind {format.removeprefix('qinit/')}; {wanted} is needed")
         return Artefact(file, description, format, trust=trust)
     except BaseException:
         file.close()

@@ -19,6 +19,7 @@ from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import check, option
+from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
     from qinit_cli.stages.long_tables import Field
@@ -187,16 +188,11 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
 
 
 def _check_known(what: str | None) -> None:
-    import difflib
-
     from qinit_cli.stages.long_tables import TABLES
 
     names = [name for tables in TABLES.values() for name in tables]
     if what is not None and what not in names:
-        near = difflib.get_close_matches(what, names, n=1)
-        raise UsageError(
-            f"--what {what}: {f'did you mean {near[0]}?' if near else 'it is one of ' + ', '.join(names)}"
-        )
+        raise UsageError(f"--what {what}: {nearest(what, names)}")
 
 
 def _check_named_apart(names: list[str]) -> None:

@@ -66,7 +66,7 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     columns = [
         TableColumn("kind"),
         TableColumn("name"),
-        TableColumn("family", dispensable=True),
+        *([] if for_people else [TableColumn("family")]),  # names begin with it
         TableColumn("tasks"),
         TableColumn("made", dispensable=True),
         TableColumn("megabytes", "MB", 2, dispensable=True),

@@ -17,6 +17,7 @@ from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option, options
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Initial, Method
+from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -228,8 +229,10 @@ def _change(family: Family, text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     name = name.strip().replace("-", "_")
     known = {field.name: get_type_hints(type(family))[field.name] for field in options(type(family))}
-    if not equals or name not in known:
+    if not equals:
         raise UsageError(f"--shift {text}: write KEY=VALUE, KEY one of {', '.join(sorted(known))}")
+    if name not in known:
+        raise UsageError(f"--shift {text}: {family.name} has no {name}; {nearest(name, sorted(known))}")
     kinds = get_args(known[name]) or (known[name],)
     for kind in (kind for kind in (int, float) if kind in kinds):
         try:

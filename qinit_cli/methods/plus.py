@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from qinit_cli.fields import option
 from qinit_cli.methods.method import Initial, Initialisation, Method
 from qinit_cli.methods.zero import Zero
+from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import Fit
@@ -28,7 +29,7 @@ class Plus(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.init not in initialisations():
-            raise ValueError(f"--init is {self.init}; it is one of {', '.join(initialisations())}")
+            raise ValueError(f"--init is {self.init}; {nearest(self.init, initialisations())}")
 
     @property
     def label(self) -> str:

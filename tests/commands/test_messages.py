@@ -52,7 +52,7 @@ def test_the_wrong_kind_of_artefact_is_named_with_the_kind_that_is_wanted(
     words: list[str], kind: str, wanted: str, here: Here, pipeline: Any
 ) -> None:
     sentence = _refused(here(*words, getattr(pipeline, kind)), 4)
-    assert f"holds a {kind}" in sentence
+    assert f"is of the kind {kind}" in sentence
     assert wanted in sentence
 
 
@@ -120,7 +120,7 @@ def test_too_few_sources_say_how_to_get_more(here: Here) -> None:
     ("shift", "code", "part"),
     [
         ("size=4", 2, "size cannot be shifted"),
-        ("varianc=4", 2, "KEY one of"),
+        ("varianc=4", 2, "did you mean variance?"),
         ("variance", 2, "write KEY=VALUE"),
         ("variance=many", 2, "variance=many"),
         ("variance=-1", 2, "--variance is -1.0"),

@@ -97,7 +97,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_sentence(
     refused: Callable[..., tuple[int, str]], pipeline: Any, runs: list[Path]
 ) -> None:
     for code, words, *arguments in (
-        (4, "holds a fit; wanted run", pipeline.fit),
+        (4, "is of the kind fit; run is needed", pipeline.fit),
         (4, "no run of mean; qinit transfer mean FIT makes one", *runs, "--minus", "mean"),
         (4, "nothing differs from it", runs[0], "--minus", "zero"),
         (2, "--metric", *runs, "--metric", "speed"),

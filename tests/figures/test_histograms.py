@@ -124,7 +124,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_sentence(
     refused: Callable[..., tuple[int, str]], pipeline: Any
 ) -> None:
     for code, words, *arguments in (
-        (4, "holds a fit; wanted sources", pipeline.fit),
+        (4, "is of the kind fit; sources is needed", pipeline.fit),
         (2, "write ROW,COL", pipeline.sources, "--state", "3"),
         (2, "write ROW,COL", pipeline.sources, "--state", "a,b"),
         (2, "row is a whole number from 0 to 5", pipeline.sources, "--state", "6,0"),

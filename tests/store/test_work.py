@@ -156,7 +156,7 @@ def test_force_goes_on_with_its_own_interrupted_work(path):
 
 def test_a_file_of_another_kind_is_refused(path):
     make_fit(path)
-    with pytest.raises(Refused, match="holds a fit; wanted sources"):
+    with pytest.raises(Refused, match="is of the kind fit; sources is needed"):
         make_sources(path)
 
 
