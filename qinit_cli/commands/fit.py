@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -14,7 +15,10 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.arrays import Flags
+    from qinit_cli.commands.making import Made
     from qinit_cli.environments import Family
     from qinit_cli.stages.fit import Selection
     from store.reading import Artefact
@@ -40,59 +44,104 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.fit_statistics import lines
-    from qinit_cli.commands.making import Made, Tally, provenance, say_result, target_path
-    from qinit_cli.environments import family_of
-    from qinit_cli.stages import fit as stage
+    from qinit_cli.commands.making import provenance, say_result, target_path
     from qinit_cli.stages.fit_findings import findings
+    from store.reading import open_artefact
+
+    path = references.one(sources, output.store)
+    if output.dry_run:
+        with open_artefact(path, "sources") as source:
+            asked = _asked(source, fitting)
+        target = target_path(output, "fit", asked.stem, asked.spec)
+        say_expected(Expected(str(target), asked.count, 0, 0, 0.0, _bytes(asked.schema)), output, display)
+        return
+    made, arrays, asked = make_fit(path, fitting, output, provenance(path))
+    names = {axis.name: axis.values for axis in asked.schema.axes}
+    found = findings(arrays | names, asked.spec)
+    sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked.selection)
+    made.tally.extra["statistics"] = found
+    say_result(made, "qinit.fit/1", "\n".join([sentence, *lines(found)]), output, display)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A fit that is to be made of some sources."""
+
+    family: Family
+    stem: str  # of its default name
+    spec: dict[str, Any]
+    schema: Schema
+    selection: Selection
+    held: Flags  # (N,) the sources that are held out
+
+    @property
+    def count(self) -> int:
+        """How many sources are fitted."""
+        return int(self.selection.kept.sum())
+
+
+def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[str, Any]]:
+    """Where the fit of the sources at `path` goes, and its spec."""
+    from qinit_cli.commands.making import target_path
+    from store.reading import open_artefact
+
+    with open_artefact(path, "sources") as source:
+        asked = _asked(source, fitting)
+    return target_path(output, "fit", asked.stem, asked.spec), asked.spec
+
+
+def make_fit(
+    path: Path, fitting: FitOptions, output: Output, origin: dict[str, str]
+) -> tuple[Made, dict[str, Any], Asked]:
+    """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
+    from qinit_cli.commands.making import Made, Tally, target_path
     from store.reading import describe, open_artefact
     from store.work import open_work
 
-    path = references.one(sources, output.store)
     with open_artefact(path, "sources") as source:
-        # artefacts of the first version have no role: there were no others
-        if source.spec.get("role", "source") != "source":
-            raise NotAllowed(
-                f"{path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
-            )
-        family = family_of(source.spec)
-        selection, held = stage.hold_out(_selection(source, family, fitting), fitting.holdout)
-        count = int(selection.kept.sum())
-        spec = _spec(source, fitting)
-        schema = _schema(family, fitting, stage.library_size(selection, fitting))
-        target = target_path(output, "fit", f"{family.label}-{count}-{fitting.estimator}", spec)
-        if output.dry_run:
-            say_expected(Expected(str(target), count, 0, 0, 0.0, _bytes(schema)), output, display)
-            return
-        origin = provenance(path)
+        asked = _asked(source, fitting)
+        target = target_path(output, "fit", asked.stem, asked.spec)
         with open_work(
-            target, schema, spec, force=output.force, wait=output.wait, provenance=origin
+            target, asked.schema, asked.spec, force=output.force, wait=output.wait, provenance=origin
         ) as artefact:
             complete = artefact.complete
             if not complete:
-                arrays = _arrays(source, family, selection, held, fitting)
+                arrays = _arrays(source, asked.family, asked.selection, asked.held, fitting)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
     if complete:
         with open_artefact(target, "fit") as made:
             arrays = {column.name: made.read(column.name) for column in made.schema.static_columns}
-    names = {axis.name: axis.values for axis in schema.axes}
-    found = findings(arrays | names, spec)
-    sentence = "fit: already complete" if complete else _summary(arrays, selection)
     tally = Tally(
-        tasks=count,
-        skipped=count if complete else 0,
+        tasks=asked.count,
+        skipped=asked.count if complete else 0,
         extra={
-            "unsolvable": selection.unsolvable,
-            "unlearned": selection.unlearned,
-            "held_out": int(held.sum()),
-            "statistics": found,
+            "unsolvable": asked.selection.unsolvable,
+            "unlearned": asked.selection.unlearned,
+            "held_out": int(asked.held.sum()),
         },
     )
-    say_result(
-        Made(target, describe(target).content_sha256, tally, complete),
-        "qinit.fit/1",
-        "\n".join([sentence, *lines(found)]),
-        output,
-        display,
+    return Made(target, describe(target).content_sha256, tally, complete), arrays, asked
+
+
+def _asked(source: Artefact, fitting: FitOptions) -> Asked:
+    """What a fit of these sources is; NotAllowed where they are target tasks, or too few."""
+    from qinit_cli.environments import family_of
+    from qinit_cli.stages import fit as stage
+
+    # artefacts of the first version have no role: there were no others
+    if source.spec.get("role", "source") != "source":
+        raise NotAllowed(
+            f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
+        )
+    family = family_of(source.spec)
+    selection, held = stage.hold_out(_selection(source, family, fitting), fitting.holdout)
+    return Asked(
+        family,
+        f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
+        _spec(source, fitting),
+        _schema(family, fitting, stage.library_size(selection, fitting)),
+        selection,
+        held,
     )
 
 

@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from store.work import Work as StoreWork
 
     Rows = dict[str, Any]
+
+Bar = Callable[[Display, str, int, int, "Watch"], Progress]  # what is made, tasks done, tasks in all, steps
 
 LONGEST_STEM = 80  # of the 100 characters that a name may have; the hash behind it tells names apart
 SAVE_SECONDS = 2.0  # of learning that a power cut may cost
@@ -55,6 +57,7 @@ class Plan:
     what: str  # on the line of progress
     read: Path | None = None  # the artefact it is made from
     inputs: Sequence[Mapping[str, str]] = ()
+    command: Sequence[str] = ()  # the words behind `qinit` that make it; else those that were typed
     statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
 
     @property
@@ -73,13 +76,13 @@ class Made:
     complete_before: bool
 
 
-def make(plan: Plan, output: Output, work: Work, display: Display) -> Made:
+def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar = Progress) -> Made:
     """The artefact, with the tasks learned that it lacks. Interrupted after a signal: what was finished is saved."""
     from store.reading import describe
     from store.work import open_work
 
     path, asked = place(plan, output, work), share_of(plan.count, *work.share)
-    origin = provenance(plan.read)
+    origin = provenance(plan.read, plan.command)
     with open_work(
         path, plan.schema, plan.spec, tasks=asked, force=output.force, wait=output.wait, provenance=origin
     ) as artefact:
@@ -89,7 +92,7 @@ def make(plan: Plan, output: Output, work: Work, display: Display) -> Made:
         else:
             if len(asked) == plan.count:  # a share holds its own tasks and no others
                 _take_over(artefact, asked, plan, output, display)
-            tally = _learn_missing(artefact, asked, plan, work, display)
+            tally = _learn_missing(artefact, asked, plan, work, display, progress)
             artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
     return Made(path, describe(path).content_sha256, tally, complete)
 
@@ -120,12 +123,13 @@ def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -
     return path
 
 
-def provenance(read: Path | None = None) -> dict[str, str]:
-    """The command that makes this artefact, with `-` replaced by what was read; time, versions and platform."""
+def provenance(read: Path | None = None, command: Sequence[str] = ()) -> dict[str, str]:
+    """The command that makes this artefact, as typed with `-` replaced by what was read; time, versions and platform."""
     import platform
     from importlib.metadata import version
 
-    typed = [str(read) if argument == "-" and read is not None else argument for argument in sys.argv[1:]]
+    words = command or sys.argv[1:]
+    typed = [str(read) if argument == "-" and read is not None else argument for argument in words]
     return {
         "command": shlex.join(["qinit", *typed]),
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -155,7 +159,9 @@ def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output,
             note(display, f"{taken} tasks are taken over from {relative.path}")
 
 
-def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work, display: Display) -> Tally:
+def _learn_missing(
+    artefact: StoreWork, asked: Integers, plan: Plan, work: Work, display: Display, bar: Bar
+) -> Tally:
     import numpy as np
 
     from qinit_cli.kernels.batch import Watch
@@ -171,7 +177,7 @@ def _learn_missing(artefact: StoreWork, asked: Integers, plan: Plan, work: Work,
     with (
         _crew(plan, work, watch) as crew,
         signals.asking_first(watch.stop) as received,
-        Progress(display, plan.what, tally.skipped, len(asked), watch) as progress,
+        bar(display, plan.what, tally.skipped, len(asked), watch) as progress,
     ):
         for learned in crew(missing, progress.tick):
             waiting.add(learned.ids, learned.rows)
@@ -205,7 +211,7 @@ def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
 
 def _failure(task: int, error: Exception, plan: Plan) -> str:
     """What failed, and the command that makes it fail again."""
-    words = shlex.split(provenance(plan.read)["command"])
+    words = shlex.split(provenance(plan.read, plan.command)["command"])
     if "--shard" in words:
         del words[words.index("--shard") : words.index("--shard") + 2]
     alone = shlex.join([*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast"])

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import Progress, note
 from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
+    from qinit_cli.commands.making import Bar
     from qinit_cli.stages.transfer import TargetTasks
 
 
@@ -25,6 +27,8 @@ class OptimalTables:
     output: Output
     work: Work
     display: Display
+    command: Sequence[str] = ()  # the words that make the run; else those that were typed
+    bar: Bar = Progress
     inputs: list[dict[str, str]] = field(default_factory=list)
 
     def __call__(self) -> Floats:
@@ -51,9 +55,8 @@ class OptimalTables:
             f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
         )
         # all of them, whatever share of the run is learned here
-        made = make(
-            plan_of(tasks, self.count), self._in_store(), replace(self.work, shard=None), self.display
-        )
+        plan = replace(plan_of(tasks, self.count), command=self.command)
+        made = make(plan, self._in_store(), replace(self.work, shard=None), self.display, self.bar)
         if made.tally.failed:
             raise TasksFailed(
                 f"{made.tally.failed} of the {self.count} optimal tables failed; the same command tries again"

@@ -91,13 +91,8 @@ def train_sources(
     """Learns what is missing of the sources asked for, publishes them and prints their path."""
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
-    from qinit_cli.stages.sources import SourceTasks
 
-    tasks = SourceTasks(family, sources.learner, sources.learning(FAMILIES[name]), sources.seed)
-    if tasks.learner == "exact" and not family.tabular:
-        raise UsageError(
-            f"{name} is not Markov in its table's states, so it has no exact tables; leave out --learner exact"
-        )
+    tasks = tasks_of(family, sources)
     if family.warning:
         note(display, f"warning: {family.warning}")
     plan = plan_of(tasks, sources.tasks or family.source_tasks)
@@ -111,6 +106,17 @@ def train_sources(
         f"{made.tally.tasks} tasks: already complete" if made.complete_before else _summary(made, tasks)
     )
     say_result(made, "qinit.train-sources/1", sentence, output, display)
+
+
+def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
+    """The tasks that are asked for; UsageError where the family cannot be learned so."""
+    from qinit_cli.stages.sources import SourceTasks
+
+    if sources.learner == "exact" and not family.tabular:
+        raise UsageError(
+            f"{family.name} is not Markov in its table's states, so it has no exact tables; leave out --learner exact"
+        )
+    return SourceTasks(family, sources.learner, sources.learning(type(family)), sources.seed)
 
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:

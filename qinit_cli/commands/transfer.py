@@ -151,28 +151,19 @@ def transfer(
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
     from qinit_cli.commands.optimal_tables import OptimalTables
-    from qinit_cli.stages.transfer import TargetTasks
 
     known = Knowledge.read(references.one(fit, output.store))
-    family = learning.family(known.family)
-    targets = TargetTasks(
-        family,
-        learning.learning(family, known.learning),
-        learning.seed,
-        learning.keep_q,
-        learning.evaluate_every,
-    )
+    targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)
-    _say_limits(method, known.fit, family, display)
-    count = learning.tasks or family.target_tasks
+    _say_limits(method, known.fit, targets.family, display)
     tables = OptimalTables(targets, count, known.learning, output, work, display)
     initial = method.initial(known.fit, targets.targets(count, tables))
-    plan = _plan(method, targets, initial, count, known, tables.inputs)
+    plan = plan_of(method, targets, initial, count, known, tables.inputs)
     if output.dry_run:
         episodes = targets.learning.episodes
         tried = trial_episodes(episodes)
         fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = _plan(method, fewer, initial, min(count, TRIAL_TASKS), known, tables.inputs)
+        trial = plan_of(method, fewer, initial, min(count, TRIAL_TASKS), known, tables.inputs)
         say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
@@ -183,7 +174,28 @@ def transfer(
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
 
-def _plan(
+def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
+    """The target tasks that are asked for, given the spec of a fit, and how many."""
+    from qinit_cli.stages.transfer import TargetTasks
+
+    sources = fitted["sources"]
+    family = learning.family(family_of(sources))
+    targets = TargetTasks(
+        family,
+        learning.learning(family, sources["learning"]),
+        learning.seed,
+        learning.keep_q,
+        learning.evaluate_every,
+    )
+    return targets, learning.tasks or family.target_tasks
+
+
+def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
+    """What the default name of a run begins with."""
+    return f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}"
+
+
+def plan_of(
     method: Method,
     targets: TargetTasks,
     initial: Initial,
@@ -191,13 +203,14 @@ def _plan(
     known: Knowledge,
     tables: list[dict[str, str]],
 ) -> Plan:
+    """The run of so many targets from what the method starts them with; `tables` are inputs beside the fit."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.transfer import learn_targets, statics
 
     inputs = [known.given, *tables]
     return Plan(
-        stem=f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}",
+        stem=stem_of(method, targets, count),
         spec=specs.run(method, targets, count, known.content_sha256, known.spec),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
