@@ -72,19 +72,21 @@ class Run:
     def from_artefact(cls, artefact: Artefact) -> Run:
         """The run in an artefact, every task's digest verified."""
         spec = artefact.spec
+        parameters = [parameter.name for parameter in family_of(spec).parameters()]
         names = {column.name for column in artefact.schema.task_columns}
-        drawn = [artefact.read(parameter.name) for parameter in family_of(spec).parameters()]
+        wanted = ("steps", "reached", *parameters, *names.intersection(("v_eps", "v_star", "eval_return")))
+        rows = artefact.columns(wanted)
         return cls(
             name=artefact.path.stem,
             method=spec["method"]["name"],
             label=spec["method"]["label"],
             spec=spec,
-            steps=artefact.read("steps"),
-            reached=artefact.read("reached").astype(bool),
-            attainable=artefact.read("v_eps") if "v_eps" in names else None,
-            v_star=artefact.read("v_star") if "v_star" in names else None,
-            greedy_returns=artefact.read("eval_return") if "eval_return" in names else None,
-            target_digest=_target_digest(spec, [artefact.tasks, *drawn]),
+            steps=rows["steps"],
+            reached=rows["reached"].astype(bool),
+            attainable=rows.get("v_eps"),
+            v_star=rows.get("v_star"),
+            greedy_returns=rows.get("eval_return"),
+            target_digest=_target_digest(spec, [artefact.tasks, *(rows[name] for name in parameters)]),
         )
 
 
