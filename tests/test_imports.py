@@ -18,6 +18,7 @@ LAYERS = (  # from the top; a file imports from its own layer and those below
     ("qinit_cli.__main__",),
     ("qinit_cli.app",),
     ("qinit_cli.commands",),
+    ("qinit_cli.pictures",),
     ("qinit_cli.stages",),
     ("qinit_cli.methods",),
     ("qinit_cli.environments",),
@@ -103,6 +104,7 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
     others = (
         "qinit_cli.app",
         "qinit_cli.commands",
+        "qinit_cli.pictures",
         "qinit_cli.stages",
         "qinit_cli.methods",
         "qinit_cli.environments",
@@ -117,7 +119,7 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
     "module", [module for module in MODULES if _under(module, ("qinit_cli.analysis", "qinit_cli.figures"))]
 )
 def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> None:
-    others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.stages", "store")
+    others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.pictures", "qinit_cli.stages", "store")
     assert not {name for name in _everything(module) if _under(name, others)}
 
 

@@ -32,6 +32,11 @@ class ValueSample:
         return np.log(self.values)
 
     @property
+    def median(self) -> float:
+        """NaN where nothing is positive."""
+        return float(np.median(self.values)) if self.values.size else float("nan")
+
+    @property
     def mu(self) -> float:
         """Mean of ln Q, as `qinit fit` has it; NaN where nothing is positive."""
         return float(self.logarithms.mean()) if self.values.size else float("nan")

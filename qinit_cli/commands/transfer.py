@@ -20,11 +20,10 @@ from qinit_cli.methods import METHODS, Initial, Method
 from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from qinit_cli.arrays import Flags
     from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.fitted import Fit
+    from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
 
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
@@ -110,39 +109,6 @@ def _defaults() -> dict[str, str]:
     return from_family | dict.fromkeys(FROM_SOURCES, "from the fit")
 
 
-@dataclass(frozen=True)
-class Knowledge:
-    """A fit as it was read: what a method may use, and where it came from."""
-
-    path: Path
-    fit: Fit
-    family: Family  # of the sources
-    learning: dict[str, Any]  # of the sources
-    content_sha256: str
-    spec: dict[str, Any]  # of the fit
-
-    @classmethod
-    def read(cls, path: Path) -> Knowledge:
-        """The fit at `path`, verified."""
-        import math
-
-        from qinit_cli.fitted import Fit
-        from store.reading import open_artefact
-
-        with open_artefact(path, "fit") as artefact:
-            sources = artefact.spec["sources"]
-            family = family_of(sources)
-            names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
-            arrays = {name: artefact.read(name) for name in names}
-            fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
-            return cls(path, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
-
-    @property
-    def given(self) -> dict[str, str]:
-        """The fit as an input of the run."""
-        return {"role": "fit", "name": self.path.stem, "content_sha256": self.content_sha256}
-
-
 def transfer(
     fit: str, method: Method, learning: LearningTargets, output: Output, work: Work, display: Display
 ) -> None:
@@ -151,6 +117,7 @@ def transfer(
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
     from qinit_cli.commands.optimal_tables import OptimalTables
+    from qinit_cli.stages.knowledge import Knowledge
 
     known = Knowledge.read(references.one(fit, output.store))
     targets, count = targets_of(learning, known.spec)

@@ -6,12 +6,9 @@ import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from qinit_cli.errors import UsageError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LETTER = 0.062  # inches, the width of a mean letter at 8 points
 FORMATS = ("png", "svg", "pdf")
@@ -92,23 +89,10 @@ def house_style() -> Iterator[None]:
 
 
 def checked_path(output: str) -> Path:
-    """The picture's path; UsageError where its ending is none of ours or its folder is missing."""
+    """The picture's path; UsageError where its ending is none of ours or its name is a folder's."""
     path = Path(output)
     if path.suffix.lstrip(".").lower() not in FORMATS:
         raise UsageError(f"{output}: a picture ends in .png, .svg or .pdf")
-    if not path.parent.is_dir():
-        raise UsageError(f"{output}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise UsageError(f"{output}: that is a folder; name a picture in it")
     return path
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Writes the figure whole or not at all; the same figure gives the same bytes."""
-    import io
-
-    dates = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
-    kind = path.suffix.lstrip(".").lower()
-    image = io.BytesIO()
-    figure.savefig(image, format=kind, metadata=dates[kind])
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_bytes(image.getvalue())
-    beside.replace(path)

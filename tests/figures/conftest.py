@@ -12,18 +12,18 @@ import pytest
 @pytest.fixture
 def drawn(here: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """The matplotlib figure of one picture: `drawn("bars", run, "--metric", "steps")`; it is saved as well."""
-    from qinit_cli.figures import style
+    from qinit_cli.figures.drawn import Drawn
 
-    save = style.save
+    save = Drawn.save
 
     def draw(picture: str, *arguments: object) -> Any:
         figures: list[Any] = []
 
-        def caught(figure: Any, path: Path) -> None:
-            figures.append(figure)
-            save(figure, path)
+        def caught(picture: Drawn, path: Path) -> None:
+            figures.append(picture.figure)
+            save(picture, path)
 
-        monkeypatch.setattr(style, "save", caught)
+        monkeypatch.setattr(Drawn, "save", caught)
         ended = here("plot", picture, *arguments, "-o", tmp_path / "picture.png")
         assert ended.code == 0, ended.err
         assert ended.out == f"{tmp_path / 'picture.png'}\n"

@@ -140,7 +140,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_sentence(
     bigger = here("train-sources", "gridworld", "--size", 7, "--tasks", 2, "--learner", "exact", "-q").path
     many = [sources("--tasks", 2, "--variance", variance) for variance in range(1, 9)]
     for code, words, *given in (
-        (4, "wanted sources", pipeline.fit),
+        (4, "sources is needed", pipeline.fit),
         (4, "start in the same state", pipeline.sources, bigger),
         (2, "8 distributions do not fit", *many),
     ):

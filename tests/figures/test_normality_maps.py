@@ -90,7 +90,7 @@ def test_a_fit_without_the_test_says_how_to_get_one(refused: Draw, tested: Path,
 def test_sources_are_refused(refused: Draw, pipeline: Any) -> None:
     code, sentence = refused("normality", pipeline.sources)
     assert code == 4
-    assert "wanted fit" in sentence
+    assert "fit is needed" in sentence
 
 
 def test_where_nothing_is_testable_the_maps_are_hatched_and_say_so(drawn: Draw, pipeline: Any) -> None:

@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from qinit_cli.commands.build import Group
+from qinit_cli.commands.groups import Display
+from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
-    from store.schema import Axis
+    from qinit_cli.figures.drawn import Drawn
 
 Width = Literal["column", "text"]
-
-METRIC_LABELS = {
-    "return": "discounted return",
-    "success": "share of episodes at the goal",
-    "steps": "steps, at most the horizon",
-}
-SPELLED_OUT = {"col": "column"}  # what an axis is called in files and in pictures
 
 
 @dataclass(frozen=True)
 class Picture:
     """Where the picture goes; None: as this picture has it."""
 
-    output: str | None = option(None, "The picture: .png, .svg or .pdf.", short="-o", metavar="FILE")
+    output: str | None = option(
+        None, "The picture: .png, .svg or .pdf; one that is there is drawn anew.", short="-o", metavar="FILE"
+    )
     title: str | None = option(None, "Title above the picture; '' for none.")
     width: Width | None = option(None, "As wide as a paper's column, 3.5 inches, or as its text, 7 inches.")
 
@@ -52,7 +48,7 @@ class Usual:
         return Group(Picture, "Picture", texts)
 
     def path(self, picture: Picture) -> Path:
-        """Where it goes; UsageError where it cannot go there."""
+        """Where it goes; UsageError where that names no picture."""
         from qinit_cli.figures.style import checked_path
 
         return checked_path(picture.output or f"{self.name}.png")
@@ -64,43 +60,9 @@ class Usual:
         return COLUMN if (picture.width or self.width) == "column" else TEXT
 
 
-def publish(figure: Any, path: Path) -> None:
-    """Saves the picture and prints its path; call it within `house_style`."""
-    from qinit_cli.figures.style import save
-
-    save(figure, path)
+def publish(drawn: Drawn, path: Path, display: Display) -> None:
+    """Saves the picture and prints its path; what is not in it is noted."""
+    for said in drawn.notes:
+        note(display, said)
+    drawn.save(path)
     typer.echo(path)
-
-
-def marked(label: str, method: str) -> str:
-    """The label of a method's line, bar or panel, with what a reader must know of it."""
-    from qinit_cli.stages.compare import remark
-
-    known = remark(method)
-    return f"{label} ({known})" if known else label
-
-
-def distribution(name: str, label: str) -> str:
-    """The distribution as a picture names it: the family's label without the family's name."""
-    return label.removeprefix(f"{name}-").replace("-", " ")
-
-
-def distinct(names: Sequence[str], *additions: Sequence[str]) -> list[str]:
-    """The names; those that stand there twice with the first addition, on a line of its own, that tells all of them apart."""
-    for addition in ((), *additions):
-        longer = list(names)
-        if addition:
-            longer = [
-                f"{name}\n{more}" if names.count(name) > 1 else name
-                for name, more in zip(names, addition, strict=True)
-            ]
-        if len(set(longer)) == len(longer):
-            return longer
-    return longer
-
-
-def axis_label(axis: Axis) -> str:
-    """What stands along a state axis: its name and unit; whole numbers without one count cells."""
-    unit = "cell" if axis.unit == "1" and axis.values.dtype.kind in "iu" else axis.unit
-    name = SPELLED_OUT.get(axis.name, axis.name)
-    return name if unit in ("", "1") else f"{name} ({unit})"

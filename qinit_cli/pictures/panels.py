@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qinit_cli.commands.groups import Display
-from qinit_cli.commands.messages import note
-from qinit_cli.commands.plot.picture import marked
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
+from qinit_cli.pictures.names import marked
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -35,9 +34,9 @@ class Panels:
 
 
 def read_panels(
-    paths: list[Path], methods: list[str] | None, quantity: str, display: Display
-) -> list[Panels]:
-    """The panels of each fit and of the runs that started from it, in the order of the artefacts.
+    paths: Sequence[Path], methods: Sequence[str] | None, quantity: str
+) -> tuple[list[Panels], list[str]]:
+    """The panels of each fit and of the runs that started from it, in the order of the artefacts; and what was left out.
 
     UsageError for methods that have no start in a fit; NotAllowed where an artefact does not hold what is asked for.
     """
@@ -45,13 +44,14 @@ def read_panels(
 
     chosen = _methods(methods)
     found: dict[str, Panels] = {}
+    notes: list[str] = []
     kinds = [describe(path).kind for path in paths]
     if methods and "fit" not in kinds:
         raise UsageError("--method draws starts from fits, and none is given; runs bring their own start")
     for path, kind in zip(paths, kinds, strict=True):
         match kind, quantity:
             case "fit", "start":
-                panels = _starts(path, chosen, skipping=methods is None, display=display)
+                panels = _starts(path, chosen, notes if methods is None else None)
             case "fit", _:
                 panels = _table(path, quantity)
             case "run", "start":
@@ -62,10 +62,10 @@ def read_panels(
         first = found.setdefault(panels.fit, panels)
         if first is not panels:
             _add(first, panels, path)
-    return list(found.values())
+    return list(found.values()), list(dict.fromkeys(notes))
 
 
-def _methods(names: list[str] | None) -> list[type[Method]]:
+def _methods(names: Sequence[str] | None) -> list[type[Method]]:
     """The methods by these names; else every initialisation that needs the fit alone."""
     if names is None:
         return [
@@ -85,13 +85,12 @@ def _methods(names: list[str] | None) -> list[type[Method]]:
     return [METHODS[name] for name in names]
 
 
-def _starts(path: Path, methods: list[type[Method]], *, skipping: bool, display: Display) -> Panels:
-    """The start of each method that the fit allows, largest over the actions; with `skipping` the others are noted."""
+def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) -> Panels:
+    """The start of each method, largest over the actions; those that the fit does not allow are noted, if anywhere."""
     import numpy as np
 
-    from qinit_cli.commands.transfer import Knowledge
+    from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
-    from store.reading import describe
 
     known = Knowledge.read(path)
     learning = known.family.target_learning
@@ -104,12 +103,12 @@ def _starts(path: Path, methods: list[type[Method]], *, skipping: bool, display:
         try:
             start = method().initial(known.fit, nobody).start
         except NotAllowed as refusal:
-            if not skipping:
+            if notes is None:
                 raise
-            note(display, f"{method.name} is left out: {refusal}")
+            notes.append(f"{method.name} is left out: {refusal}")
         else:
             tables[marked(method.name, method.name)] = start.max(axis=-1)
-    seed = describe(path).spec["sources"]["seed"]
+    seed = known.spec["sources"]["seed"]
     return Panels(known.family, known.content_sha256, f"seed {seed}", START_LABEL, tables)
 
 

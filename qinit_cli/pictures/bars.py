@@ -1,0 +1,96 @@
+"""Methods side by side, a group of bars for each set of targets: the averages of `qinit compare`; Figures 6 and 9."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from qinit_cli.errors import NotAllowed
+from qinit_cli.figures.style import TEXT
+from qinit_cli.pictures.names import METRIC_LABELS, distinct, distribution, listed
+
+if TYPE_CHECKING:
+    from qinit_cli.figures.bars import Bars
+    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.runs import Run
+    from qinit_cli.stages.compare import Comparison, Estimate, Metric
+    from qinit_cli.stages.source_sets import Group
+
+
+def drawn(
+    runs: Sequence[Run],
+    metric: Metric = "return",
+    minus: str | None = None,
+    *,
+    title: str | None = None,
+    width: float = TEXT,
+) -> Drawn:
+    """Averages over all episodes with 95 % intervals, or differences to `minus` on the same targets."""
+    from qinit_cli.figures import bars as drawing
+    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.figures.style import house_style
+    from qinit_cli.stages import compare
+    from qinit_cli.stages.source_sets import grouped
+
+    comparisons = compare.compare(runs, minus or "", metric)
+    series = _series(comparisons, minus)
+    groups = _groups(grouped(runs))
+    label = f"{METRIC_LABELS[metric]}, minus {minus}" if minus else METRIC_LABELS[metric]
+    intervals = "\n".join(dict.fromkeys(comparison.intervals for comparison in comparisons))
+    with house_style():
+        figure = drawing.bars(series, groups, intervals, label, title or "", width)
+    return Drawn(figure, title or f"Bars of methods, {label}", _alt(series, groups, label))
+
+
+def _alt(series: list[Bars], groups: list[str], label: str) -> str:
+    """Every bar with its interval."""
+    parts = []
+    for at, group in enumerate(groups):
+        heights = [
+            f"{bars.label} {bars.height.estimate[at]:.3g} ({bars.height.low[at]:.3g} to {bars.height.high[at]:.3g})"
+            for bars in series
+            if bars.height.estimate[at] == bars.height.estimate[at]
+        ]
+        parts.append(f"{group.replace(chr(10), ', ')}: {', '.join(heights)}")
+    return f"Bars by method with 95 % intervals, {label}. {listed(parts)}."
+
+
+def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
+    """One set of bars a method, with gaps where a group has no run of it."""
+    import numpy as np
+
+    from qinit_cli.analysis.intervals import Interval
+    from qinit_cli.figures.bars import Bars
+
+    heights: dict[str, dict[int, Estimate]] = {}
+    for at, comparison in enumerate(comparisons):
+        if baseline is not None and comparison.baseline is None:
+            raise NotAllowed(
+                f"{comparison.title}: no run of {baseline}; qinit transfer {baseline} FIT makes one"
+            )
+        for row in comparison.rows:
+            height = row.average if baseline is None else row.difference
+            if height is not None:
+                label = f"{row.label} ({row.remark})" if row.remark else row.label
+                heights.setdefault(label, {})[at] = height
+    if not heights:
+        raise NotAllowed(f"there are runs of {baseline} alone; nothing differs from it")
+    series = []
+    for label, of_group in heights.items():
+        bounds = np.full((3, len(comparisons)), np.nan)
+        for at, height in of_group.items():
+            bounds[:, at] = height.mean, height.low, height.high
+        series.append(Bars(label, Interval(*bounds)))
+    return series
+
+
+def _groups(groups: list[Group]) -> list[str]:
+    """What stands beneath each group: the distribution, and the seed of its targets where there are several of it."""
+    from qinit_cli.environments import family_of
+
+    runs = [group.any_run for group in groups]
+    return distinct(
+        [distribution(family_of(run.spec)) for run in runs],
+        [f"seed {run.spec['seed']}" for run in runs],
+        [f"targets {run.target_digest[:8]}" for run in runs],
+    )

@@ -1,0 +1,87 @@
+"""Learning curves of methods on the same targets, with 95 % bands; Figures 6, 9, A2 and A3."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from qinit_cli.errors import NotAllowed
+from qinit_cli.figures.style import COLUMN
+from qinit_cli.pictures.names import METRIC_LABELS, listed, marked
+
+if TYPE_CHECKING:
+    from qinit_cli.analysis.intervals import Interval
+    from qinit_cli.arrays import Floats
+    from qinit_cli.figures.curves import Curve
+    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.runs import Run
+    from qinit_cli.stages.compare import Metric
+    from qinit_cli.stages.source_sets import Entry, Group
+
+POINTS = 200  # along a curve: more than a column's width shows
+BAND_RESAMPLES = 2_000  # enough for the edge of a shaded band
+SMOOTH = 20  # episodes
+
+
+def drawn(
+    runs: Sequence[Run],
+    metric: Metric = "return",
+    smooth: int = SMOOTH,
+    *,
+    title: str | None = None,
+    width: float = COLUMN,
+) -> Drawn:
+    """The metric over episodes, each point the mean of the last `smooth`, over source sets and targets."""
+    from qinit_cli.environments import family_of
+    from qinit_cli.figures import curves as drawing
+    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.figures.style import house_style
+    from qinit_cli.stages.source_sets import grouped
+
+    groups = grouped(runs)
+    if len(groups) > 1:
+        raise NotAllowed("these runs did not meet the same targets; draw those that did, one picture each")
+    [group] = groups
+    lines = [_curve(entry, group, metric, smooth) for entry in group.entries]
+    own = family_of(group.any_run.spec).label
+    with house_style():
+        figure = drawing.curves(
+            lines, METRIC_LABELS[metric], own if title is None else title, _band_words(group), width
+        )
+    alt = f"Learning curves, {METRIC_LABELS[metric]}, first and last point: {own}: {listed([_ends(line) for line in lines])}."
+    return Drawn(figure, title or f"Learning curves, {own}", alt)
+
+
+def _ends(line: Curve) -> str:
+    return f"{line.label} {line.band.estimate[0]:.3g} to {line.band.estimate[-1]:.3g}"
+
+
+def _band_words(group: Group) -> str:
+    targets = len(group.any_run.steps)
+    sets = "" if group.sets == 1 else f"{group.sets} source sets, "
+    return f"95 %, {sets}{targets} targets{'' if group.shared else ' of each'}"
+
+
+def _curve(entry: Entry, group: Group, metric: Metric, smooth: int) -> Curve:
+    import numpy as np
+
+    from qinit_cli.analysis import returns
+    from qinit_cli.figures.curves import Curve
+    from qinit_cli.stages.compare import curve
+
+    curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
+    shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))
+    values = np.stack([each[:, shown] for each in curves])
+    return Curve(marked(entry.label, entry.method), shown + 1, _band(values, group))
+
+
+def _band(values: Floats, group: Group) -> Interval:
+    """The mean of values (R, T, P) over source sets and targets at each point, resampled as `qinit compare` does."""
+    from qinit_cli.analysis import intervals
+    from qinit_cli.seeding import Stream, generator
+
+    chance = generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)
+    if len(values) == 1:
+        return intervals.over_targets(values[0], chance, BAND_RESAMPLES)
+    over = intervals.pigeonhole if group.shared else intervals.nested
+    return over(values, chance, BAND_RESAMPLES)

@@ -1,0 +1,86 @@
+"""Source tasks of several artefacts by the distribution they are drawn from, each task once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.pictures.names import distinct, distribution
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Tasks
+    from qinit_cli.environments import Family
+    from store.reading import Artefact
+
+
+@dataclass
+class Distribution:
+    """All tasks of one distribution learned in one way, over the artefacts that hold them."""
+
+    family: Family
+    spec: dict[str, Any]  # of the first artefact
+    mark: str  # what tells it from another of the same name
+    tasks: list[Tasks]  # their parameters, block by block
+    found: list[Any]  # what was read of them, block by block
+    sets: int  # artefacts that brought tasks
+
+    @property
+    def alike(self) -> bool:
+        """Whether all tasks are alike, so that what differs between their tables is learning."""
+        import numpy as np
+
+        tasks = np.concatenate(self.tasks)
+        return len(tasks) > 0 and bool((tasks == tasks[0]).all())
+
+
+Read = Callable[["Family", "dict[str, Any]", "Tasks", "dict[str, Any]"], Any]
+
+
+def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> list[Distribution]:
+    """The tasks of sources by what they are drawn from and how they were learned, in order of appearance.
+
+    `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
+    """
+    from qinit_cli.environments import family_of
+    from store.reading import open_artefact
+    from store.spec import canonical_json
+
+    found: dict[str, Distribution] = {}
+    seen: dict[str, set[bytes]] = {}
+    for path in paths:
+        with open_artefact(path, "sources") as artefact:
+            spec = artefact.spec
+            key = canonical_json({name: spec[name] for name in ("family", "learner", "learning")})
+            one = found.setdefault(key, Distribution(family_of(spec), spec, path.stem[-8:], [], [], 0))
+            before = sum(map(len, one.tasks))
+            for tasks, block in _unseen(artefact, one.family, columns, seen.setdefault(key, set())):
+                one.tasks.append(tasks)
+                one.found.append(read(one.family, spec, tasks, block))
+            one.sets += sum(map(len, one.tasks)) > before
+    return list(found.values())
+
+
+def named(found: Sequence[Distribution]) -> list[str]:
+    """What each is called, told apart."""
+    return distinct([distribution(one.family) for one in found], [one.mark for one in found])
+
+
+def _unseen(
+    artefact: Artefact, family: Family, columns: Sequence[str], seen: set[bytes]
+) -> Iterator[tuple[Tasks, dict[str, Any]]]:
+    """The tasks that were not seen before and their columns, a block at a time."""
+    import numpy as np
+
+    parameters = [(column.name, column.dtype) for column in family.parameters()]
+    first = 0
+    for block in artefact.blocks((*columns, *(name for name, _ in parameters)), artefact.schema.block_size):
+        digests = [row.tobytes() for row in artefact.digests[first : first + len(block["task"])]]
+        first += len(digests)
+        new = np.array([digest not in seen for digest in digests], np.bool_)
+        seen.update(digests)
+        tasks = np.empty(int(new.sum()), np.dtype(parameters))
+        for name, _ in parameters:
+            tasks[name] = block[name][new]
+        yield tasks, {name: block[name][new] for name in columns}
