@@ -79,18 +79,25 @@ def test_the_title_is_as_asked(drawn: Draw, pipeline: Any, picture: str) -> None
     assert "A title of mine" in titles
 
 
-@every_picture
-def test_a_picture_of_another_format_or_in_no_folder_is_a_usage_error(
-    here: Draw, tmp_path: Path, pipeline: Any, picture: str
+def test_a_picture_of_another_format_or_in_place_of_a_folder_is_a_usage_error(
+    here: Draw, tmp_path: Path, pipeline: Any
 ) -> None:
-    given = _given(picture, pipeline)
-    for output, words in (
-        ("picture.gif", "ends in .png, .svg or .pdf"),
-        ("nowhere/picture.png", "no folder"),
-    ):
-        ended = here("plot", picture, *given, "-o", tmp_path / output)
+    (tmp_path / "folder.png").mkdir()
+    for output, words in (("picture.gif", "ends in .png, .svg or .pdf"), ("folder.png", "that is a folder")):
+        ended = here("plot", "histograms", pipeline.sources, "-o", tmp_path / output)
         assert (ended.code, ended.out) == (2, "")
         assert words in ended.err
+
+
+def test_a_picture_makes_its_folder_and_takes_the_place_of_an_older_one(
+    here: Draw, tmp_path: Path, pipeline: Any
+) -> None:
+    picture = tmp_path / "new" / "folder" / "picture.svg"
+    for title in ("older", "newer"):
+        ended = here("plot", "histograms", pipeline.sources, "-o", picture, "--title", title)
+        assert (ended.code, ended.out) == (0, f"{picture}\n"), ended.err
+        assert f"<title>{title}</title>" in picture.read_text()
+    assert [path.name for path in picture.parent.iterdir()] == ["picture.svg"]
 
 
 def test_curves_of_several_source_sets_are_their_mean(
