@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,10 @@ class Run:
     reached: Flags  # (T, E)
     attainable: Floats | None  # (T,) exact value of what learning comes to; None where no exact table exists
     v_star: Floats | None  # (T,) exact value of Q* from the start; None likewise
-    greedy_returns: Floats | None  # (T, V) greedy evaluations while learning; None without --evaluate-every
+    evaluation_steps: (
+        NDArray[np.int32] | None
+    )  # (T, V) of greedy evaluations while learning; None where not kept
+    evaluation_reached: Flags | None  # (T, V) likewise
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
     unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
 
@@ -56,17 +58,20 @@ class Run:
 
     def greedy(self) -> Run:
         """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
-        import numpy as np
-
-        if self.greedy_returns is None:
+        if self.evaluation_steps is None or self.evaluation_reached is None:
+            if self.spec.get("evaluate_every"):
+                raise NotAllowed(
+                    f"{self.name} was made by a version that kept of greedy evaluations only what they earn, not their steps; "
+                    "the command that made it makes it again with --force"
+                )
             raise NotAllowed(f"{self.name} has no greedy evaluations; transfer again with --evaluate-every")
-        if self.gamma == 1:
-            raise NotAllowed(f"{self.name} has gamma 1, so its greedy returns do not tell the steps")
-        reached = self.greedy_returns > 0
-        # the return of an episode that arrives is gamma^(steps - 1)
-        steps = 1 + np.log(np.where(reached, self.greedy_returns, 1.0)) / math.log(self.gamma)
-        counted = np.where(reached, np.rint(steps), self.horizon).astype(np.int32)
-        return replace(self, steps=counted, reached=reached, attainable=self.v_star, unit="evaluations")
+        return replace(
+            self,
+            steps=self.evaluation_steps,
+            reached=self.evaluation_reached,
+            attainable=self.v_star,
+            unit="evaluations",
+        )
 
     @classmethod
     def from_artefact(cls, artefact: Artefact) -> Run:
@@ -74,7 +79,8 @@ class Run:
         spec = artefact.spec
         parameters = [parameter.name for parameter in family_of(spec).parameters()]
         names = {column.name for column in artefact.schema.task_columns}
-        wanted = ("steps", "reached", *parameters, *names.intersection(("v_eps", "v_star", "eval_return")))
+        there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached"))
+        wanted = ("steps", "reached", *parameters, *there)
         rows = artefact.columns(wanted)
         return cls(
             name=artefact.path.stem,
@@ -85,7 +91,8 @@ class Run:
             reached=rows["reached"].astype(bool),
             attainable=rows.get("v_eps"),
             v_star=rows.get("v_star"),
-            greedy_returns=rows.get("eval_return"),
+            evaluation_steps=rows.get("eval_steps"),
+            evaluation_reached=rows["eval_reached"].astype(bool) if "eval_reached" in names else None,
             target_digest=_target_digest(spec, [artefact.tasks, *(rows[name] for name in parameters)]),
         )
 

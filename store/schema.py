@@ -216,6 +216,7 @@ def run_schema(
                 "eval_return", (TASK, "evaluation"), "f8", long_name="discounted return of the greedy policy"
             ),
             Column("eval_reached", (TASK, "evaluation"), "f8", long_name="share of evaluations that arrive"),
+            Column("eval_steps", (TASK, "evaluation"), "i4", "step", "steps of the greedy policy"),
         ]
     if keep_q:
         columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))

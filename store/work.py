@@ -133,7 +133,9 @@ class Work:
         folder.write_record(self.folder, self._record, self._disk)
         if not self._force and self.target.exists():
             with self._standing() as artefact:
-                self.adopt(artefact)
+                # one of an earlier version may lack columns: its tasks are learned again
+                if self._given <= {column.name for column in artefact.schema.task_columns}:
+                    self.adopt(artefact)
             self._replaces = True
 
     def save(self, rows: Mapping[str, Any], tasks: Any) -> None:
@@ -153,9 +155,16 @@ class Work:
         self._save(columns, ids)
 
     def adopt(self, artefact: Artefact) -> None:
-        """Take over the tasks of an artefact with the same spec apart from "tasks"; Refused otherwise."""
+        """Take over the tasks of an artefact with the same spec apart from "tasks".
+
+        Refused otherwise, and where it lacks a column: an earlier version wrote it.
+        """
         self._compare(artefact, enough=False)
-        given = [column.name for column in self._schema.task_columns if column.given]
+        given = self._given
+        if lacking := given - {column.name for column in artefact.schema.task_columns}:
+            raise Refused(
+                f"{artefact.path} has no {', '.join(sorted(lacking))}, which later versions store; make it again with --force"
+            )
         for block in artefact.blocks(given, artefact.schema.block_size):
             new = np.array([self._wants(number) for number in block[TASK].tolist()], dtype=bool)
             if new.any():
@@ -224,6 +233,11 @@ class Work:
     @property
     def _part_spec(self) -> dict[str, Any]:
         return without_tasks(self._record.spec)
+
+    @property
+    def _given(self) -> set[str]:
+        """The columns with a task axis that are not made from the others."""
+        return {column.name for column in self._schema.task_columns if column.given}
 
     @property
     def _part_schema(self) -> Schema:

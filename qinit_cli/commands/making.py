@@ -143,7 +143,7 @@ def provenance(read: Path | None = None, command: Sequence[str] = ()) -> dict[st
 def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:
     """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
     from store.catalog import Store
-    from store.errors import Damaged
+    from store.errors import Damaged, Refused
     from store.reading import open_artefact
 
     for relative in Store(Path(output.store)).relatives(plan.schema.kind, plan.spec):
@@ -155,6 +155,8 @@ def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output,
                 artefact.adopt(there)
         except Damaged as damage:
             note(display, f"nothing is taken over from a damaged file: {damage}")
+        except Refused as lack:
+            note(display, f"nothing is taken over from an earlier version: {lack}")
         if taken := len(artefact.saved) - before:
             note(display, f"{taken} tasks are taken over from {relative.path}")
 

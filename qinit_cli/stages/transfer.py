@@ -84,6 +84,7 @@ def learn_targets(
         reached = learned.evaluation_reached[kept].astype(bool)
         rows["eval_return"] = discounted_returns(learned.evaluation_steps[kept], reached, learning.gamma)
         rows["eval_reached"] = reached.astype(np.float64)
+        rows["eval_steps"] = learned.evaluation_steps[kept].astype(np.int32)
     if targets.keep_q:
         rows["q"] = learned.q[kept]
     if initial.start_per_task:

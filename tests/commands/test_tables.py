@@ -140,12 +140,25 @@ def test_one_run_under_two_names_counts_once(here: Here, pipeline: Any, tmp_path
     assert [row["method"] for row in rows] == ["zero"]
 
 
-def test_greedy_returns_that_do_not_tell_the_steps_are_refused(here: Here, pipeline: Any) -> None:
-    words = ("--tasks", 2, "--episodes", 10, "--evaluate-every", 5, "--gamma", 1, "-q")
-    made = here("transfer", "zero", pipeline.fit, *words).path
-    ended = here("compare", made, "--greedy")
+@pytest.mark.parametrize("gamma", [1, 1e-9])
+def test_greedy_evaluations_are_counted_where_their_returns_do_not_tell_the_steps(
+    gamma: float, here: Here, pipeline: Any
+) -> None:
+    words = ("--tasks", 4, "--episodes", 60, "--evaluate-every", 20, "--gamma", gamma, "-q")
+    made = here("transfer", "maxqinit", pipeline.fit, *words).path
+    with open_artefact(made, "run") as artefact:
+        steps, reached = artefact.read("eval_steps"), artefact.read("eval_reached")
+    [row] = json.loads(here("compare", made, "--greedy", "--metric", "steps", "-q", "--json").out)["rows"]
+    assert row["steps"] == steps.mean()
+    assert row["success"] == reached.mean() > 0
+
+
+def test_runs_without_greedy_evaluations_are_refused_with_the_option_that_makes_them(
+    here: Here, pipeline: Any
+) -> None:
+    ended = here("compare", pipeline.runs["zero"], "--greedy")
     assert (ended.code, ended.out) == (4, "")
-    assert "gamma 1" in ended.err
+    assert "--evaluate-every" in ended.err
 
 
 def test_runs_of_other_targets_stand_in_tables_of_their_own(here: Here, pipeline: Any) -> None:

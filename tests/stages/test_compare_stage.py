@@ -33,7 +33,8 @@ def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str 
         reached=np.asarray(reached, bool),
         attainable=None,
         v_star=None,
-        greedy_returns=None,
+        evaluation_steps=None,
+        evaluation_reached=None,
         target_digest=targets,
     )
 
@@ -212,6 +213,14 @@ def test_a_baseline_that_could_be_several_runs_is_refused_with_their_names() -> 
     [comparison] = compare([*twice, OTHER], "zero-3c4d", "return")
     assert comparison.rows[1].difference is None
     assert comparison.rows[0].difference is not None
+
+
+def test_a_run_that_kept_no_steps_of_its_evaluations_is_refused_not_rebuilt() -> None:
+    earlier = replace(OTHER, spec=OTHER.spec | {"evaluate_every": 5})
+    with pytest.raises(NotAllowed, match=r"not their steps.*--force"):
+        earlier.greedy()
+    with pytest.raises(NotAllowed, match="no greedy evaluations"):
+        OTHER.greedy()
 
 
 def test_the_same_run_named_twice_counts_once() -> None:

@@ -18,7 +18,9 @@ from store.disk import Disk
 from store.errors import Busy, Damaged, Refused
 from store.folder import read_record, work_folder
 from store.lock import being_held
+from store.mend import merge
 from store.reading import describe, open_artefact
+from store.schema import Column, Schema
 from store.work import open_work
 
 
@@ -293,11 +295,38 @@ def test_tasks_of_other_settings_are_not_adopted(path, tmp_path):
         work.adopt(artefact)
 
 
-def make_some(path, ids, tasks):
+# what a later version might store of the same settings
+LATER = Schema("sources", SOURCES.axes, (*SOURCES.columns, Column("eval_steps", ("task",), "i4")))
+
+
+def test_tasks_that_lack_a_column_of_a_later_version_are_learned_again(path, tmp_path):
+    make_sources(path, tasks=4)
+    make_sources(path, schema=LATER)
+    straight = describe(make_sources(tmp_path / "b.h5", schema=LATER)).content_sha256
+    assert describe(path).content_sha256 == straight
+
+
+def test_an_artefact_without_a_column_of_a_later_version_is_complete_and_readable(path):
+    make_sources(path)
+    with open_work(path, LATER, spec_for(), disk=Breakable(at=0)) as work:
+        assert work.complete
+
+
+def test_shards_of_two_versions_are_not_merged(tmp_path):
+    shards = [
+        make_some(tmp_path / "new.h5", np.arange(3), 6, LATER),
+        make_some(tmp_path / "old.h5", np.arange(3, 6), 6),
+    ]
+    with pytest.raises(Refused, match=r"old\.h5 has no eval_steps"):
+        merge(shards, tmp_path / "all.h5", {})
+    assert not (tmp_path / "all.h5").exists()
+
+
+def make_some(path, ids, tasks, schema=SOURCES):
     """An artefact of `tasks` that holds only those with these ids."""
-    with open_work(path, SOURCES, spec_for(tasks), disk=DISK) as work:
+    with open_work(path, schema, spec_for(tasks), disk=DISK) as work:
         new = np.setdiff1d(ids, work.saved)
-        work.save(rows_for(new), new)
+        work.save(rows_for(new, schema), new)
         return work.finish(work.saved)
 
 
