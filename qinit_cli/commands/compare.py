@@ -111,10 +111,20 @@ def compare(
             caption = "\n".join([comparison.intervals, *marks])
             print_table(SCHEMA, columns[:-1], rows, tabular, display, title=comparison.title, caption=caption)
         return
-    rows = [row for comparison in comparisons for row in _rows(comparison, comparing.metric)]
     everything = [TableColumn("targets"), TableColumn("sets"), *columns]
-    told = [{"targets": comparison.title, "over": comparison.intervals} for comparison in comparisons]
-    print_table(SCHEMA, everything, rows, tabular, display, extra={"intervals": told})
+    whole = told(comparisons, comparing.metric)
+    print_table(SCHEMA, everything, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
+
+
+def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
+    """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
+    return {
+        "schema": SCHEMA,
+        "intervals": [
+            {"targets": one.title, "over": one.intervals, "baseline": one.baseline} for one in comparisons
+        ],
+        "rows": [row for one in comparisons for row in _rows(one, metric)],
+    }
 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
