@@ -30,7 +30,7 @@ from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
 HELP_WIDTH = 200  # of a command's line, wrapped where the terminal ends
-ORDER = ("train-sources", "fit", "transfer", "compare", "list", "show", "plot")  # then the rest
+ORDER = ("train-sources", "fit", "transfer", "lifelong", "compare", "list", "show", "plot")  # then the rest
 
 
 class InOrder(TyperGroup):
@@ -69,6 +69,7 @@ app = typer.Typer(
 LATER = {  # commands with many subcommands, made when they are needed
     "train-sources": "Learn source tasks of a family and save their tables; prints the path.",
     "transfer": "Learn target tasks from what a method starts them with; prints the path.",
+    "lifelong": "Learn targets one after another; what each learned may be added to what is known; prints the path.",
     "plot": "Draw pictures from stored artefacts: PNG, SVG or PDF.",
 }
 for name, told in LATER.items():
@@ -89,7 +90,7 @@ for module in (
 ):
     module.add_to(app)
 PANELS = {
-    "The pipeline": ("train-sources", "fit", "transfer", "compare"),
+    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare"),
     "Artefacts": ("list", "show", "plot", "export", "verify", "salvage", "merge"),
     "Planning and installation": ("sample-size", "config", "doctor", "bench"),
 }

@@ -191,8 +191,12 @@ def run_schema(
     exact_values: bool,
     evaluations: int,
     keep_q: bool,
+    updating: bool = False,
 ) -> Schema:
-    """What target tasks leave behind; start and potential have a task axis where they depend on it."""
+    """What target tasks leave behind; start and potential have a task axis where they depend on it.
+
+    `updating`: each task adds to what those after it start from.
+    """
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
     columns = [
@@ -220,6 +224,17 @@ def run_schema(
         ]
     if keep_q:
         columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))
+    if updating:
+        columns += [
+            Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair"),
+            Column("added", (TASK,), "i8", long_name="pairs whose value was added to what is known"),
+            Column(
+                "log_std",
+                (TASK,),
+                "f8",
+                long_name="median over pairs of the standard deviation of ln Q after the task",
+            ),
+        ]
     indices = [_index("episode", episodes), *([_index("evaluation", evaluations)] if evaluations else [])]
     return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
 

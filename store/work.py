@@ -154,6 +154,10 @@ class Work:
             ids, columns = ids[order], {name: values[order] for name, values in columns.items()}
         self._save(columns, ids)
 
+    def row(self, number: int) -> dict[str, Array]:
+        """The verified columns of the saved task with the id `number`, without their task axis."""
+        return {name: values[0] for name, values in self._gathered([number]).items()}
+
     def adopt(self, artefact: Artefact) -> None:
         """Take over the tasks of an artefact with the same spec apart from "tasks".
 

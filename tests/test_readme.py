@@ -45,7 +45,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Comp
         env={**os.environ, "PATH": f"{stand_in.parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=1200,
     )
     return folder, ended
 
@@ -75,7 +75,7 @@ def test_the_readmes_python_reads_what_its_commands_made(
     folder, _ = ran
     for block in _blocks("python"):
         ended = subprocess.run(
-            [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, timeout=120
+            [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, timeout=600
         )
         assert ended.returncode == 0, ended.stderr
         assert ended.stdout.strip()

@@ -59,6 +59,9 @@ class Plan:
     inputs: Sequence[Mapping[str, str]] = ()
     command: Sequence[str] = ()  # the words behind `qinit` that make it; else those that were typed
     statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
+    begin: Callable[[StoreWork], None] | None = (
+        None  # told of the work before a task is learned: what was saved may matter
+    )
 
     @property
     def count(self) -> int:
@@ -174,6 +177,8 @@ def _learn_missing(
     _say_what_is_there(artefact, tally, display)
     if work.dask is None and len(missing):  # workers elsewhere have caches of their own
         _say_compiling(plan.compiled, display)
+    if plan.begin is not None:
+        plan.begin(artefact)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
     with (

@@ -78,9 +78,14 @@ class LearningTargets:
             raise UsageError(f"--shift: {error}") from error
 
 
+def learning_group() -> Group:
+    """How targets are learned, as options."""
+    return Group(LearningTargets, "Targets", _defaults())
+
+
 def add_to(methods: typer.Typer) -> None:
     """Adds one subcommand per method."""
-    targets = Group(LearningTargets, "Targets", _defaults())
+    targets = learning_group()
     for name, method in METHODS.items():
         add_command(
             methods,
@@ -254,6 +259,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         exact_values=family.tabular,
         evaluations=targets.evaluations,
         keep_q=targets.keep_q,
+        updating=targets.keep_visits,
     )
 
 

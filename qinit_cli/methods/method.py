@@ -62,6 +62,11 @@ class Method:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
 
     @property
+    def reads_moments(self) -> bool:
+        """Whether its start is made of the fit's moments per state-action."""
+        return False
+
+    @property
     def label(self) -> str:
         """What it is called in names and tables: with the options that are not at their default."""
         return " ".join([self.name, *self._changed()])
@@ -123,6 +128,11 @@ class Initialisation(Method):
     fallback: Literal["zero", "largest"] = option(
         "zero", "What stands where no source knows a pair: 0, or the largest value of the table."
     )
+
+    @property
+    def reads_moments(self) -> bool:
+        """Every initialisation's is."""
+        return True
 
     def filling(self, fit: Fit, start: Floats) -> float:
         import numpy as np

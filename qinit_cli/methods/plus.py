@@ -32,6 +32,11 @@ class Plus(Method):
             raise ValueError(f"--init is {self.init}; {nearest(self.init, initialisations())}")
 
     @property
+    def reads_moments(self) -> bool:
+        """Whether the initialisation does."""
+        return self.init != Zero.name
+
+    @property
     def label(self) -> str:
         """The name, with what it starts from unless that is zero, and the options that are not at their default."""
         started = self.name if self.init == Zero.name else f"{self.name}+{self.init}"

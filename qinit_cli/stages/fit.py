@@ -10,7 +10,7 @@ from qinit_cli.environments.family import Family
 from qinit_cli.fitted import FitOptions
 
 if TYPE_CHECKING:
-    from qinit_cli.analysis.moments import SourceMoments
+    from qinit_cli.analysis.moments import Moments, SourceMoments
     from qinit_cli.arrays import Flags, Tasks
 
 BLOCK = 64  # tasks; a fixed partition in task order, else a fit's last bits would depend on how it was read
@@ -107,14 +107,13 @@ def _no_tables(moments: SourceMoments) -> Any:
     return np.empty((0, *moments.q.n.shape))
 
 
-def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
+def pair_statistics(log_q: Moments, q: Moments, estimator: str) -> dict[str, Any]:
+    """The tables of a fit (Fit.TABLES) that the moments of ln Q and Q over the same tasks make, by the estimator."""
     import numpy as np
 
     from qinit_cli.analysis.estimators import MEDIANS, lognormal_mean, lognormal_median
 
-    log_q, q, eopl = moments.log_q, moments.q, moments.eopl
     settled = (log_q.n, log_q.mean, log_q.squares)
-    unknown = q.n == 0
     has_median = estimator in MEDIANS
     return {
         "mu": log_q.mean,
@@ -128,6 +127,15 @@ def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
         "min": q.min,
         "max": q.max,
         "n": q.n.astype(np.int32),
+    }
+
+
+def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
+    import numpy as np
+
+    log_q, q, eopl = moments.log_q, moments.q, moments.eopl
+    unknown = q.n == 0
+    return pair_statistics(log_q, q, estimator) | {
         "n_masked": moments.n_masked.astype(np.int32),
         "eopl_mean": eopl.mean,
         "eopl_std": eopl.std,

@@ -26,6 +26,7 @@ class TargetTasks:
     seed: int
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
+    keep_visits: bool = False
 
     @property
     def evaluations(self) -> int:
@@ -66,7 +67,7 @@ def learn_targets(
             evaluation=seeds(sequences(targets.seed, Stream.TARGET_EVALUATION, indices)),
             choices=seeds(sequences(targets.seed, Stream.TARGET_CHOICE, indices)),
         ),
-        Records(bins=learning.episodes, evaluate_every=targets.evaluate_every),
+        Records(bins=learning.episodes, visits=targets.keep_visits, evaluate_every=targets.evaluate_every),
         watch,
     )
     kept = learned.finished
@@ -87,11 +88,13 @@ def learn_targets(
         rows["eval_steps"] = learned.evaluation_steps[kept].astype(np.int32)
     if targets.keep_q:
         rows["q"] = learned.q[kept]
+    if learned.visits is not None:
+        rows["visits"] = learned.visits[kept]
     if initial.start_per_task:
         rows["start"] = own.start[kept]
     if initial.potential_per_task:
         rows["potential"] = own.potential[kept].reshape(-1, *family.shape)
-    return indices[kept], shaped(rows, family, ("q", "start"))
+    return indices[kept], shaped(rows, family, ("q", "visits", "start"))
 
 
 def statics(initial: Initial, family: Family) -> dict[str, Floats]:

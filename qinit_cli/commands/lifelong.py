@@ -1,0 +1,211 @@
+"""`qinit lifelong METHOD FIT|SOURCES`: target tasks one after another, as algorithm 1 of the paper goes on for ever."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.messages import note
+from qinit_cli.commands.transfer import (
+    Knowledge,
+    LearningTargets,
+    learning_group,
+    plan_of,
+    targets_of,
+    transfer,
+)
+from qinit_cli.errors import UsageError
+from qinit_cli.fields import check, option
+from qinit_cli.methods import METHODS, Method
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.commands.making import Made, Plan
+    from qinit_cli.stages.transfer import TargetTasks
+    from store.work import Work as StoreWork
+
+MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
+
+
+@dataclass(frozen=True)
+class Living:
+    """What a finished task leaves to those after it."""
+
+    update: bool = option(
+        False,
+        "Add the values that a finished task learned to what later tasks start from; else mu and sigma stay as fitted.",
+    )
+    min_visits: int | None = option(
+        None,
+        "Add those entries alone that the task visited at least so often: others still hold their start.",
+        low=1,
+        metavar="N",
+        default_text=f"{MIN_VISITS}, with --update",
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.min_visits is not None and not self.update:
+            raise ValueError(
+                "--min-visits says which entries --update adds; give --update too, or leave it out"
+            )
+
+    @property
+    def visits(self) -> int:
+        """Visits from which on an entry is added."""
+        return MIN_VISITS if self.min_visits is None else self.min_visits
+
+
+def add_to(methods: typer.Typer) -> None:
+    """Adds one subcommand per method."""
+    targets = learning_group()
+    for name, method in METHODS.items():
+        add_command(
+            methods,
+            name,
+            lifelong,
+            {
+                "method": Group(method, "Method"),
+                "living": Group(Living, "Lifetime"),
+                "learning": targets,
+                "output": OUTPUT,
+                "work": WORK,
+                "display": DISPLAY,
+            },
+            references=(
+                Reference(
+                    "known", "A fit, or sources to fit first: a path, a name in the store, or - for stdin."
+                ),
+            ),
+            help=method.__doc__ or "",
+        )
+
+
+def lifelong(
+    known: str,
+    method: Method,
+    living: Living,
+    learning: LearningTargets,
+    output: Output,
+    work: Work,
+    display: Display,
+) -> None:
+    """Learns what is missing of the lifetime, publishes it as a run and prints its path.
+
+    Without --update no task depends on another: the lifetime is the run that `qinit transfer` makes.
+    """
+    path = _fitted(known, output, display)
+    if living.update:
+        _update(path, method, living, learning, output, work, display)
+    else:
+        transfer(str(path), method, learning, output, work, display)
+
+
+def _fitted(known: str, output: Output, display: Display) -> Path:
+    """The fit that is named, or that of the sources that are, with the defaults of `qinit fit`."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.fit import make_fit
+    from qinit_cli.commands.making import provenance
+    from qinit_cli.fitted import FitOptions
+    from store.reading import describe
+
+    path = references.one(known, output.store)
+    if describe(path).kind != "sources":
+        return path
+    if output.dry_run:
+        raise UsageError(
+            f"--dry-run makes no fit of {path}; qinit fit {path} does, and its path can stand here"
+        )
+    made, _, _ = make_fit(
+        path, FitOptions(), replace(output, output=None, force=False), provenance(command=("fit", str(path)))
+    )
+    if not made.complete_before:
+        note(display, f"fitted: {made.path}")
+    return made.path
+
+
+def _update(
+    path: Path,
+    method: Method,
+    living: Living,
+    learning: LearningTargets,
+    output: Output,
+    work: Work,
+    display: Display,
+) -> None:
+    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
+    from qinit_cli.commands.making import make, say_result
+
+    if method.privileged or not method.reads_moments:
+        raise UsageError(
+            f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
+        )
+    if work.shard is not None or work.dask is not None:
+        raise UsageError(
+            "tasks that add to each other are learned one after another, here; leave out --shard and --dask"
+        )
+    if (work.jobs or 1) > 1:
+        note(display, "tasks that add to each other are learned one after another, whatever --jobs says")
+    fitted = Knowledge.read(path)
+    targets, count = targets_of(replace(learning, keep_q=True), fitted.spec)
+    targets = replace(targets, keep_visits=True)
+    if targets.family != fitted.family:
+        note(
+            display,
+            "warning: the targets are of a changed family; --update mixes them into what is known of the sources'",
+        )
+    plan = _plan(method, living, targets, count, fitted)
+    alone = replace(work, jobs=1, fail_fast=True)  # what comes after a task that failed needs what it learned
+    if output.dry_run:
+        episodes = targets.learning.episodes
+        tried = trial_episodes(episodes)
+        fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
+        trial = _plan(method, living, fewer, min(count, TRIAL_TASKS), fitted)
+        say_expected(foresee(plan, trial, episodes, tried, output, alone), output, display)
+        return
+    made = make(plan, output, alone, display)
+    sentence = _summary(made, method, fitted)
+    say_result(made, "qinit.lifelong/1", sentence, output, display)
+
+
+def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitted: Knowledge) -> Plan:
+    """The run of so many targets, each started from what is known by then."""
+    from qinit_cli.stages.lifelong import Lifetime
+
+    lifetime = Lifetime(method, targets, fitted.fit, living.visits)
+    plain = plan_of(method, targets, lifetime.initial, count, fitted, [])
+    spec = dict(plain.spec)
+    label = f"{method.label} updated"
+    spec["method"] = {**spec["method"], "label": label, "update": {"min_visits": living.visits}}
+
+    def begin(work: StoreWork) -> None:
+        lifetime.lived = work.row
+
+    return replace(plain, stem=f"{plain.stem}-updated", spec=spec, learn=lifetime, what=label, begin=begin)
+
+
+def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
+    """What was lived, and how the spread of ln Q moved; also into the tally."""
+    from qinit_cli.stages.lifelong import Known, log_std
+    from store.reading import open_artefact
+
+    with open_artefact(made.path, "run") as artefact:
+        added, spread = artefact.read("added"), artefact.read("log_std")
+    before, after = log_std(Known.of(fitted.fit).log_q), float(spread[-1])
+    tally = made.tally
+    tally.extra.update(added=int(added.sum()), log_std_fitted=before, log_std=after)
+    learned = tally.tasks - tally.skipped - tally.failed
+    lived = (
+        f"{len(added)} tasks: already complete"
+        if made.complete_before
+        else f"{learned} targets learned one after another, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    )
+    return (
+        f"{method.label} updated: {lived}; {added.mean():.0f} entries added a task; "
+        f"sd(ln Q) {after:.3f}, as fitted {before:.3f} (medians over state-actions)"
+    )
