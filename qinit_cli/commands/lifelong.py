@@ -11,7 +11,6 @@ from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.transfer import (
-    Knowledge,
     LearningTargets,
     learning_group,
     plan_of,
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.commands.making import Made, Plan
+    from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
     from store.work import Work as StoreWork
 
@@ -140,6 +140,7 @@ def _update(
 ) -> None:
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
+    from qinit_cli.stages.knowledge import Knowledge
 
     if method.privileged or not method.reads_moments:
         raise UsageError(
