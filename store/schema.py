@@ -15,6 +15,7 @@ TASK = "task"
 TASK_DIGEST = "task_digest"
 DIGEST_BYTES = 32
 BLOCK_BYTES = 8 * 1024 * 1024
+NO_MOMENTS: Array = np.empty(0, np.int64)
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
@@ -192,10 +193,13 @@ def run_schema(
     evaluations: int,
     keep_q: bool,
     updating: bool = False,
+    hypotheses: int = 0,
+    moments: Array = NO_MOMENTS,
 ) -> Schema:
     """What target tasks leave behind; start and potential have a task axis where they depend on it.
 
-    `updating`: each task adds to what those after it start from.
+    `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
+    many episodes as `moments` says stand there too.
     """
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
@@ -236,6 +240,10 @@ def run_schema(
             ),
         ]
     indices = [_index("episode", episodes), *([_index("evaluation", evaluations)] if evaluations else [])]
+    if hypotheses:
+        columns += _weighing()
+        after = Axis("moment", moments, "1", "episodes that had ended")
+        indices += [after, _index("hypothesis", hypotheses)]
     return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
 
 
@@ -294,6 +302,14 @@ def _keeping() -> tuple[Column, ...]:
         Column(
             TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
         ),
+    )
+
+
+def _weighing() -> tuple[Column, ...]:
+    return (
+        Column("weight", (TASK, "moment", "hypothesis"), "f4", long_name="weight of a library table"),
+        Column("moves", (TASK,), "i4", long_name="times that the start table followed the weights"),
+        Column("frozen", (TASK,), "i4", long_name="episodes after which the weights froze, -1: never"),
     )
 
 

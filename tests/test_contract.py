@@ -89,6 +89,8 @@ def test_a_run_is_whole_in_its_file(family: str, method: str, known: dict[str, F
         exact_values=targets.family.tabular,
         evaluations=targets.evaluations,
         keep_q=True,
+        hypotheses=initial.hypothesis_count,
+        moments=targets.moments,
     )
     source = specs.sources(
         SourceTasks(targets.family, "q-learning", targets.family.source_learning, 0), SOURCES
@@ -105,7 +107,10 @@ def test_a_run_is_whole_in_its_file(family: str, method: str, known: dict[str, F
             np.testing.assert_array_equal(artefact.read(name), values)
 
 
-NEUTRAL: dict[str, dict[str, Any]] = {"ops-tl": {"library": 0}}  # options at which a method adds nothing
+NEUTRAL: dict[str, dict[str, Any]] = {
+    "ops-tl": {"library": 0},
+    "posterior": {"library": 0},
+}  # options at which a method adds nothing
 ALWAYS_SHAPES = {"drs"}  # by a distance that no knowledge takes away
 
 

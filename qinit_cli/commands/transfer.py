@@ -205,6 +205,7 @@ def _compiled(targets: TargetTasks, initial: Initial) -> str:
         "shaped": initial.potential.any(),
         "following": len(initial.policies.actions) > 0,
         "evaluated": targets.evaluate_every > 0,
+        "weighing": initial.hypothesis_count > 0,
     }
     return "-".join([targets.family.name, "targets", *(name for name, used in features.items() if used)])
 
@@ -239,9 +240,9 @@ def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display
 def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> None:
     if family.warning:
         note(display, f"warning: {family.warning}")
-    asked, there = getattr(method, "library", 0), len(fit.library_q)
+    asked, there = getattr(method, "library", 0) or 0, len(fit.library_q)
     if asked > there:
-        note(display, f"{method.name} was to choose among {asked} source policies; this fit keeps {there}")
+        note(display, f"{method.name} was to choose among {asked} sources; this fit keeps {there}")
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
@@ -260,6 +261,8 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         evaluations=targets.evaluations,
         keep_q=targets.keep_q,
         updating=targets.keep_visits,
+        hypotheses=initial.hypothesis_count,
+        moments=targets.moments,
     )
 
 

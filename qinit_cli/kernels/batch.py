@@ -13,6 +13,7 @@ from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.kernels.dice import Words, exploration_limit
 from qinit_cli.kernels.lane import Evaluation, Setting, Tasks, new_lanes
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
+from qinit_cli.kernels.posterior import Hypotheses, Posterior, new_posterior
 from qinit_cli.learning import Learning
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
@@ -51,11 +52,12 @@ class Chance:
 
 @dataclass(frozen=True)
 class Start:
-    """What learning starts from: the three arrays of a method."""
+    """What learning starts from: the three arrays of a method, and what may change the first of them on the way."""
 
     table: Floats  # (S, A) or (B, S, A)
     potential: Floats | None = None  # (S,) or (B, S); None: no shaping
     policies: Policies | None = None  # None, or none of them: plain learning
+    hypotheses: Hypotheses | None = None  # None, or none of them: the start table stays what it is
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,16 @@ class Records:
     visits: bool = False
     td_var: bool = False  # running mean, rate 0.01, of the squared TD error
     evaluate_every: int = 0  # a greedy episode before the first and after every n-th; 0: none
+    moments: Integers | None = None  # (R,) episodes after which the weights of hypotheses are kept, ascending
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """What a batch thought of its hypotheses."""
+
+    weights: Floats  # (B, R, K)
+    moves: Integers  # (B,) times that the start table changed
+    frozen: Integers  # (B,) episodes after which the weights froze, -1: never
 
 
 @dataclass(frozen=True)
@@ -79,6 +91,7 @@ class Learned:
     reached: Integers  # (B, bins)
     evaluation_steps: Integers | None  # (B, 1 + episodes // evaluate_every)
     evaluation_reached: Integers | None  # (B, 1 + episodes // evaluate_every)
+    weighing: Weighing | None
     step_count: Integers  # (B,) of learning
     seconds: Floats  # (B,) each task's share, by steps, of the time of its batch
     finished: Flags  # (B,)
@@ -157,6 +170,7 @@ def learn(
         td_var,
         evaluation,
         _choosing(start.policies, chance.choices, lanes, shape),
+        posterior := _posterior(start.hypotheses, learning, records.moments, lanes, shape),
     )
     seconds = _run(advance, arguments, tasks, watch)
     return Learned(
@@ -167,6 +181,9 @@ def learn(
         reached=tasks.reached,
         evaluation_steps=None if evaluation is None else evaluation.steps,
         evaluation_reached=None if evaluation is None else evaluation.reached,
+        weighing=None
+        if posterior is None
+        else Weighing(posterior.weights, posterior.moves, posterior.frozen),
         step_count=tasks.step_count,
         seconds=seconds,
         finished=tasks.finished,
@@ -216,6 +233,22 @@ def _choosing(
         raise ValueError(f"policies need streams of their own, and actions from 0 to {actions - 1}")
     _expect("choice dice", dice.shape, (batch, 4))
     return new_choosing(policies, dice, lanes)
+
+
+def _posterior(
+    hypotheses: Hypotheses | None,
+    learning: Learning,
+    moments: Integers | None,
+    lanes: int,
+    shape: tuple[int, int, int],
+) -> Posterior | None:
+    batch = shape[0]
+    if hypotheses is None or len(hypotheses.q) == 0:
+        return None
+    _expect("hypotheses", hypotheses.q.shape, (len(hypotheses.q), *shape[1:]))
+    _expect("hypotheses' TD variance", hypotheses.td_var.shape, hypotheses.q.shape)
+    kept = np.empty(0, np.int64) if moments is None else moments
+    return new_posterior(hypotheses, learning.alpha, learning.gamma, kept, batch, lanes)
 
 
 def _potential(potential: Floats | None, batch: int, states: int) -> Floats | None:

@@ -30,6 +30,8 @@ from qinit_cli.kernels.lane import (
     update,
 )
 from qinit_cli.kernels.policies import begin, followed, learn_of_episode
+from qinit_cli.kernels.posterior import begin as begin_weighing
+from qinit_cli.kernels.posterior import end_episode, frozen_first, refresh, weigh
 from qinit_cli.learning import Learning
 
 ALL_ACTIONS = np.uint64(0b1111)
@@ -107,31 +109,34 @@ def neighbours(size: int) -> NDArray[np.uint32]:
 
 
 @lean
-def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
+def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing, posterior):
     """Learns for that many blocks of steps in every lane, or until the batch is done.
 
     Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 4), td_var f8 (B, S, 4), an Evaluation, a
-    Choosing: each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch. Called again it
-    goes on where it stopped.
+    Choosing, a Posterior: each may be None, and then costs nothing. Lanes whose task is done take the next one of the batch.
+    Called again it goes on where it stopped.
     """
     for _ in range(blocks):
         for lane in range(len(lanes.task)):
             if is_idle(tasks, lanes, lane):
                 take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
-                _place(world, setting, tasks, lanes, lane, evaluation, choosing)
+                _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior)
         count = lanes_in_use(tasks, lanes)
         for place in range(count):
             lane = lanes.order[place]
             task = lanes.task[lane]
             draw_block(tasks.dice[task], lanes.draws)
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane])
-        fours = count // 4 * 4 if choosing is None else 0
+        alike = count if posterior is None else frozen_first(posterior, lanes, count)
+        fours = alike // 4 * 4 if choosing is None else 0
         for place in range(0, fours, 4):
             four = lanes.order[place : place + 4]
             _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var, evaluation)
         for place in range(fours, count):
             lane = lanes.order[place]
-            _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing)
+            _learn_in_one(
+                lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing, posterior
+            )
         for place in range(count):
             lane = lanes.order[place]
             first = tasks.episode[lanes.task[lane]]
@@ -160,31 +165,60 @@ def _learn_in_four(four, world, setting, tasks, lanes, potential, visits, td_var
         time_c += 1
         time_d += 1
         if cell_a == goal_a or time_a == horizon:
-            cell_a = _end(a, time_a, cell_a, world, setting, tasks, lanes, visits, td_var, evaluation, None)
+            cell_a = _end(
+                a, time_a, cell_a, world, setting, tasks, lanes, visits, td_var, evaluation, None, None
+            )
             time_a = 0
         if cell_b == goal_b or time_b == horizon:
-            cell_b = _end(b, time_b, cell_b, world, setting, tasks, lanes, visits, td_var, evaluation, None)
+            cell_b = _end(
+                b, time_b, cell_b, world, setting, tasks, lanes, visits, td_var, evaluation, None, None
+            )
             time_b = 0
         if cell_c == goal_c or time_c == horizon:
-            cell_c = _end(c, time_c, cell_c, world, setting, tasks, lanes, visits, td_var, evaluation, None)
+            cell_c = _end(
+                c, time_c, cell_c, world, setting, tasks, lanes, visits, td_var, evaluation, None, None
+            )
             time_c = 0
         if cell_d == goal_d or time_d == horizon:
-            cell_d = _end(d, time_d, cell_d, world, setting, tasks, lanes, visits, td_var, evaluation, None)
+            cell_d = _end(
+                d, time_d, cell_d, world, setting, tasks, lanes, visits, td_var, evaluation, None, None
+            )
             time_d = 0
     world.cell[a], world.cell[b], world.cell[c], world.cell[d] = cell_a, cell_b, cell_c, cell_d
     lanes.time[a], lanes.time[b], lanes.time[c], lanes.time[d] = time_a, time_b, time_c, time_d
 
 
 @inner
-def _learn_in_one(lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
+def _learn_in_one(
+    lane, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing, posterior
+):
     """A block of steps in one lane."""
     own, moves, goal = memory(lanes, lane), world.neighbours, world.goals[lane]
     cell, time = world.cell[lane], lanes.time[lane]
     for step in range(BLOCK):
-        cell = _step(lane, step, cell, own, moves, setting, potential, visits, td_var, choosing)
+        if posterior is not None and posterior.live[lane]:
+            task = lanes.task[lane]
+            cell = _weighing_step(
+                lane, step, cell, own, moves, goal, setting, potential, visits, td_var, task, posterior
+            )
+        else:
+            cell = _step(lane, step, cell, own, moves, setting, potential, visits, td_var, choosing)
         time += 1
         if cell == goal or time == setting.horizon:
-            cell = _end(lane, time, cell, world, setting, tasks, lanes, visits, td_var, evaluation, choosing)
+            cell = _end(
+                lane,
+                time,
+                cell,
+                world,
+                setting,
+                tasks,
+                lanes,
+                visits,
+                td_var,
+                evaluation,
+                choosing,
+                posterior,
+            )
             time = 0
     world.cell[lane], lanes.time[lane] = cell, time
 
@@ -203,9 +237,30 @@ def _step(lane, step, cell, own, moves, setting, potential, visits, td_var, choo
 
 
 @inlined
-def _end(lane, length, cell, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
+def _weighing_step(lane, step, cell, own, moves, goal, setting, potential, visits, td_var, task, posterior):
+    """As `_step`, between rows that are up to date with the weights, which then learn of it."""
+    refresh(posterior, lane, own, cell, setting.gamma)
+    choice = own.choices[step] | own.ties[cell]
+    action = ACTIONS[choice]
+    after = moves[4 * cell + DIRECTIONS[choice]]
+    if after != goal:
+        refresh(posterior, lane, own, after, setting.gamma)
+    update(own, cell, action, after, setting.alpha, setting.gamma, potential, visits, td_var)
+    state = np.int64(after)
+    weigh(posterior, lane, task, cell, action, posterior.current.shape[1] if after == goal else state)
+    return after
+
+
+@inlined
+def _end(lane, length, cell, world, setting, tasks, lanes, visits, td_var, evaluation, choosing, posterior):
     """Notes an episode's end, with all that hangs on it; the cell where the next one starts."""
     reached = cell == world.goals[lane]
+    if posterior is not None and posterior.live[lane]:
+        evaluated = False
+        if evaluation is not None:
+            evaluated = evaluation_due(evaluation, lanes.ended[lane] + 1, setting.episodes)
+        own, goal = memory(lanes, lane), np.int64(world.goals[lane])
+        end_episode(posterior, lanes, own, lane, reached, goal, setting, evaluated)
     episode = record_end(length, reached, setting, tasks, lanes, lane, visits, td_var)
     if evaluation is not None and evaluation_due(evaluation, episode + 1, setting.episodes):
         _evaluate(world, setting, lanes, lane, episode + 1, evaluation)
@@ -215,7 +270,7 @@ def _end(lane, length, cell, world, setting, tasks, lanes, visits, td_var, evalu
 
 
 @inner
-def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
+def _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior):
     """Gets a task's goal and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
     make_terminal(lanes.rows[lane], world.goal[task])
@@ -226,6 +281,8 @@ def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
         _evaluate(world, setting, lanes, lane, 0, evaluation)
     if choosing is not None:
         begin(choosing, lane, task)
+    if posterior is not None:
+        begin_weighing(posterior, tasks, lane, task)
 
 
 @inner

@@ -27,11 +27,14 @@ from qinit_cli.kernels.lane import (
     is_idle,
     lanes_in_use,
     make_terminal,
+    memory,
     record_end,
     take,
     update,
 )
 from qinit_cli.kernels.policies import begin, followed, learn_of_episode
+from qinit_cli.kernels.posterior import begin as begin_weighing
+from qinit_cli.kernels.posterior import end_episode, refresh, weigh, weighs
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.learning import Learning
 
@@ -172,18 +175,18 @@ def _between(number, low, high):
 
 
 @lean
-def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing):
+def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, evaluation, choosing, posterior):
     """Learns for that many blocks of steps in every lane, or until the batch is done.
 
     Writes into `tasks` and the records. potential f8 (B or 1, S), visits i8 (B, S, 3), td_var f8 (B, S, 3), an
-    Evaluation, a Choosing: each may be None, and then costs nothing. Lanes whose task is done take the next one
-    of the batch. Called again it goes on where it stopped.
+    Evaluation, a Choosing, a Posterior: each may be None, and then costs nothing. Lanes whose task is done take
+    the next one of the batch. Called again it goes on where it stopped.
     """
     for _ in range(blocks):
         for lane in range(len(lanes.task)):
             if is_idle(tasks, lanes, lane):
                 take(tasks, lanes, lane, setting.gamma, potential, visits, td_var)
-                _place(world, setting, tasks, lanes, lane, evaluation, choosing)
+                _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior)
         count = lanes_in_use(tasks, lanes)
         if count == 0:
             return
@@ -194,9 +197,36 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
             _draw_gusts(lanes.task[lane], lane, world, world.noise_dice)
         for first in range(0, len(lanes.task), EIGHT):
             gusts = world.gusts
-            _learn_in_eight(
-                first, world, setting, tasks, lanes, potential, visits, td_var, gusts, evaluation, choosing
-            )
+            if posterior is not None and weighs(posterior, first, first + EIGHT):
+                _learn_in_eight(
+                    first,
+                    world,
+                    setting,
+                    tasks,
+                    lanes,
+                    potential,
+                    visits,
+                    td_var,
+                    gusts,
+                    evaluation,
+                    choosing,
+                    posterior,
+                )
+            else:
+                _learn_in_eight(
+                    first,
+                    world,
+                    setting,
+                    tasks,
+                    lanes,
+                    potential,
+                    visits,
+                    td_var,
+                    gusts,
+                    evaluation,
+                    choosing,
+                    None,
+                )
         for place in range(count):
             lane = lanes.order[place]
             first = tasks.episode[lanes.task[lane]]
@@ -206,7 +236,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
 
 @inner
 def _learn_in_eight(
-    first, world, setting, tasks, lanes, potential, visits, td_var, gusts, evaluation, choosing
+    first, world, setting, tasks, lanes, potential, visits, td_var, gusts, evaluation, choosing, posterior
 ):
     """A block of steps in eight lanes; what happens in those without a task is nobody's."""
     alpha, gamma, hill, bins = setting.alpha, setting.gamma, world.hill, np.float64(world.bins)
@@ -220,6 +250,9 @@ def _learn_in_eight(
     time, eta, gravity = load_reals(world.time, first), load_reals(world.lane_eta, first), pull(position)
     for step in range(BLOCK):
         for lane in range(EIGHT):
+            if posterior is not None and posterior.live[first + lane]:
+                own = Memory(rows[lane], ties[lane], counts[lane], spreads[lane], choices[lane])
+                refresh(posterior, first + lane, own, cells[lane], gamma)
             choice, tied = choices[lane, step], ties[lane, cells[lane]]
             if choosing is None:
                 actions[lane] = ACTIONS[choice | tied]
@@ -234,7 +267,18 @@ def _learn_in_eight(
         time = time + 1.0
         for lane in range(EIGHT):
             own = Memory(rows[lane], ties[lane], counts[lane], spreads[lane], choices[lane])
+            if posterior is not None and posterior.live[first + lane] and afters[lane] < bins * bins:
+                refresh(posterior, first + lane, own, afters[lane], gamma)
             update(own, cells[lane], actions[lane], afters[lane], alpha, gamma, potential, visits, td_var)
+            if posterior is not None and posterior.live[first + lane]:
+                weigh(
+                    posterior,
+                    first + lane,
+                    lanes.task[first + lane],
+                    cells[lane],
+                    actions[lane],
+                    afters[lane],
+                )
             cells[lane] = afters[lane]
         ended = bits(done | (time == horizon))
         if ended:
@@ -245,7 +289,19 @@ def _learn_in_eight(
             for place in range(EIGHT):
                 if ended >> place & 1:
                     lane, won = first + place, reached >> place & 1
-                    _end(lane, won, world, setting, tasks, lanes, visits, td_var, evaluation, choosing)
+                    _end(
+                        lane,
+                        won,
+                        world,
+                        setting,
+                        tasks,
+                        lanes,
+                        visits,
+                        td_var,
+                        evaluation,
+                        choosing,
+                        posterior,
+                    )
             position, velocity = load_reals(world.position, first), load_reals(world.velocity, first)
             time, gravity = load_reals(world.time, first), pull(position)
     store_reals(world.position, first, position)
@@ -269,9 +325,15 @@ def _pushes(actions):
 
 
 @inlined
-def _end(lane, reached, world, setting, tasks, lanes, visits, td_var, evaluation, choosing):
+def _end(lane, reached, world, setting, tasks, lanes, visits, td_var, evaluation, choosing, posterior):
     """Notes an episode's end, with all that hangs on it, and puts the car where the next one starts."""
     length = np.int64(world.time[lane])
+    if posterior is not None and posterior.live[lane]:
+        evaluated = False
+        if evaluation is not None:
+            evaluated = evaluation_due(evaluation, lanes.ended[lane] + 1, setting.episodes)
+        goal = np.int64(world.bins * world.bins)
+        end_episode(posterior, lanes, memory(lanes, lane), lane, reached, goal, setting, evaluated)
     episode = record_end(length, reached, setting, tasks, lanes, lane, visits, td_var)
     if evaluation is not None and evaluation_due(evaluation, episode + 1, setting.episodes):
         _evaluate(world, setting, lanes, lane, episode + 1, evaluation, world.gusts)
@@ -290,7 +352,7 @@ def _put(lane, position, velocity, world):
 
 
 @inner
-def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
+def _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior):
     """Gets a task's push and first starts ready; the task is in its lane already."""
     task = lanes.task[lane]
     make_terminal(lanes.rows[lane], world.bins * world.bins)
@@ -302,6 +364,8 @@ def _place(world, setting, tasks, lanes, lane, evaluation, choosing):
         _evaluate(world, setting, lanes, lane, 0, evaluation, world.gusts)
     if choosing is not None:
         begin(choosing, lane, task)
+    if posterior is not None:
+        begin_weighing(posterior, tasks, lane, task)
 
 
 @inner

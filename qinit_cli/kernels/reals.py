@@ -113,6 +113,20 @@ def bits(typing: Any, flags: Any) -> Any:
     return types.int64(flags), generate
 
 
+@intrinsic
+def total(typing: Any, reals: Any) -> Any:
+    """The sum of eight numbers: fours apart first, then twos, then neighbours."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        summed = arguments[0]
+        for apart in (4, 2, 1):
+            order = ir.Constant(_ORDER, [(place + apart) % EIGHT for place in range(EIGHT)])
+            summed = builder.fadd(summed, builder.shuffle_vector(summed, summed, order))
+        return builder.extract_element(summed, ir.Constant(ir.IntType(32), 0))
+
+    return types.float64(reals), generate
+
+
 def chosen(condition, yes, no):
     """`yes` where the condition holds, else `no`."""
     return np.where(condition, yes, no)

@@ -11,6 +11,7 @@ from qinit_cli.methods.mean import Mean
 from qinit_cli.methods.method import Initial, Method
 from qinit_cli.methods.ops_tl import OpsTl
 from qinit_cli.methods.optimal import Optimal
+from qinit_cli.methods.posterior import Posterior
 from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.targets import Targets
 from qinit_cli.methods.ucoi import Ucoi
@@ -30,6 +31,7 @@ METHODS: dict[str, type[Method]] = {
         Ptrs,
         Drs,
         OpsTl,
+        Posterior,
     )
 }
 

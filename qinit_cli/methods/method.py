@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
     from qinit_cli.fitted import Fit
     from qinit_cli.kernels.policies import Policies
+    from qinit_cli.kernels.posterior import Hypotheses
     from qinit_cli.methods.targets import Targets
 
 LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
@@ -30,6 +31,9 @@ class Initial:
     policies: Policies  # (K, S), and how one of them is chosen
     filled: int  # entries of the start that no source knows
     clipped: int  # entries of the start outside [0, 1]
+    hypotheses: Hypotheses | None = (
+        None  # (K, S, A) tables whose weights change the start while it learns; None: it stays
+    )
 
     @property
     def start_per_task(self) -> bool:
@@ -40,6 +44,11 @@ class Initial:
     def potential_per_task(self) -> bool:
         """Whether every target has a potential of its own."""
         return self.potential.ndim == 2
+
+    @property
+    def hypothesis_count(self) -> int:
+        """How many tables are weighed while learning; 0 for methods whose start stays."""
+        return 0 if self.hypotheses is None else len(self.hypotheses.q)
 
     def of(self, indices: Integers) -> Initial:
         """What the targets at these indices start from."""

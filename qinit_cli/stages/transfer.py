@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Watch
 
+MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
+
 
 @dataclass(frozen=True)
 class TargetTasks:
@@ -32,6 +34,15 @@ class TargetTasks:
     def evaluations(self) -> int:
         """How many there are: one before the first episode, one after every n-th."""
         return 1 + self.learning.episodes // self.evaluate_every if self.evaluate_every else 0
+
+    @property
+    def moments(self) -> Integers:
+        """Episodes after which the weights of hypotheses are kept, (R,): none, each of the first few, ever fewer, all."""
+        import numpy as np
+
+        episodes = self.learning.episodes
+        spread = np.geomspace(1, episodes, MOMENTS).round().astype(np.int64)
+        return np.unique(np.concatenate([[0], spread]))
 
     def targets(self, count: int, optimal: Callable[[], Floats]) -> Targets:
         """The first `count` tasks as a privileged method sees them; `optimal` makes their Q* if asked."""
@@ -60,14 +71,19 @@ def learn_targets(
     learned = learn(
         family.worlds(tasks, sequences(targets.seed, Stream.TARGET_WORLD, indices)),
         learning,
-        Start(own.start, own.potential if own.potential.any() else None, own.policies),
+        Start(own.start, own.potential if own.potential.any() else None, own.policies, own.hypotheses),
         Chance(
             dice=lane_seeds(sequences(targets.seed, Stream.TARGET_DICE, indices)),
             starts=seeds(sequences(targets.seed, Stream.TARGET_START, indices)),
             evaluation=seeds(sequences(targets.seed, Stream.TARGET_EVALUATION, indices)),
             choices=seeds(sequences(targets.seed, Stream.TARGET_CHOICE, indices)),
         ),
-        Records(bins=learning.episodes, visits=targets.keep_visits, evaluate_every=targets.evaluate_every),
+        Records(
+            bins=learning.episodes,
+            visits=targets.keep_visits,
+            evaluate_every=targets.evaluate_every,
+            moments=targets.moments,
+        ),
         watch,
     )
     kept = learned.finished
@@ -86,6 +102,10 @@ def learn_targets(
         rows["eval_return"] = discounted_returns(learned.evaluation_steps[kept], reached, learning.gamma)
         rows["eval_reached"] = reached.astype(np.float64)
         rows["eval_steps"] = learned.evaluation_steps[kept].astype(np.int32)
+    if learned.weighing is not None:
+        rows["weight"] = learned.weighing.weights[kept].astype(np.float32)
+        rows["moves"] = learned.weighing.moves[kept].astype(np.int32)
+        rows["frozen"] = learned.weighing.frozen[kept].astype(np.int32)
     if targets.keep_q:
         rows["q"] = learned.q[kept]
     if learned.visits is not None:

@@ -218,6 +218,65 @@ class Choices:
         self.choose()
 
 
+@dataclass
+class Weighed:
+    """Tables (K, S, A) weighed by TD errors; the whole start table follows the weights at once."""
+
+    tables: np.ndarray
+    td_var: np.ndarray
+    gamma: float
+    alpha: float
+    temperature: float
+    floor: float
+    excess: float
+    cap: float
+    freeze: int
+    threshold: float
+    geometric: bool
+
+    def __post_init__(self) -> None:
+        self.log_weight = np.zeros(len(self.tables))
+        self.mixed = self.weight
+        self.visits = np.zeros(self.tables.shape[1:])
+        self.start = self.mean()
+        self.history, self.goals, self.moves, self.frozen = [self.weight], 0, 0, -1
+
+    @property
+    def weight(self) -> np.ndarray:
+        weight = np.exp(self.log_weight - self.log_weight.max())
+        return weight / weight.sum()
+
+    def mean(self) -> np.ndarray:
+        """Of the tables that know a pair, under the weights; 0 where none does."""
+        weight = self.mixed[:, None, None] * (self.tables > 0)
+        terms = np.log(np.where(self.tables > 0, self.tables, 1)) if self.geometric else self.tables
+        whole = weight.sum(axis=0)
+        mean = (weight * terms).sum(axis=0) / np.where(whole > 0, whole, 1)
+        return np.where(whole > 0, np.exp(mean) if self.geometric else mean, 0)
+
+    def learn(self, q, state: int, action: int, after: int, reached: bool) -> None:
+        if self.frozen >= 0:
+            return
+        self.visits[state, action] += 1
+        entering = 1.0 if reached else self.gamma * self.tables[:, after].max(axis=1)
+        here = self.tables[:, state, action]
+        known = here > 0  # a table that does not know the pair says nothing
+        squares = (entering - here) ** 2 / (self.td_var[:, state, action] + self.floor**2)
+        self.log_weight -= self.temperature * known * np.clip(squares - self.excess, 0, self.cap)
+        if np.abs(self.weight - self.mixed).sum() > self.threshold:
+            self.mixed, self.moves, before = self.weight, self.moves + 1, self.start
+            self.start = self.mean()
+            change = (1 - self.alpha) ** self.visits * (self.start - before)
+            for row, changes in zip(q, change, strict=True):
+                row[:] = [float(value + more) for value, more in zip(row, changes, strict=True)]
+
+    def episode_ended(self, reached: bool) -> None:
+        self.goals += reached
+        if reached and self.goals == self.freeze:
+            self.frozen = len(self.history)
+        self.history.append(self.weight)
+
+
 def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
     """Length of a greedy episode from the target start, and whether it reached the goal."""
     world.reset_to_target(draws)
@@ -239,6 +298,7 @@ def learn(
     evaluation: Iterator[int] | None = None,
     choices: Choices | None = None,
     explore_while_following: bool = False,
+    weighed: Weighed | None = None,
 ) -> Outcome:
     """One task learned from start to end."""
     q = [[float(value) for value in row] for row in table]
@@ -269,8 +329,12 @@ def learn(
             q[state][action] += learning.alpha * error
             out.visits[state][action] += 1
             out.td_var[state][action] += 0.01 * (error * error - out.td_var[state][action])
+            if weighed is not None:
+                weighed.learn(q, state, action, world.state, reached)
         out.steps.append(length)
         out.reached.append(reached)
         if choices is not None:
             choices.episode_ended(length, reached)
+        if weighed is not None:
+            weighed.episode_ended(reached)
     return out

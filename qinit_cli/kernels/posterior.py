@@ -1,0 +1,280 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Weighing tables of solved tasks by a target's own steps, while it is learned.
+
+Table i is a hypothesis about the target. A step's TD error under it, d = r + gamma max Q_i(s', .) - Q_i(s, a), has a known
+scale where the hypothesis is true, so ln w_i falls by temperature * min(cap, max(0, d^2 / (td_var_i(s, a) + floor^2) - excess)).
+The start M is the mean of the tables under the weights. When these have moved by more than `threshold` since M was last made,
+M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a): what learning with the same targets would
+hold had it begun at M'. That factor changes only where the agent acts, so a state's row is brought up to date when the agent
+comes to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qinit_cli.arrays import Floats, Integers
+from qinit_cli.kernels.compiled import inlined, inner
+from qinit_cli.kernels.lane import ROW, WORTH, make_terminal
+from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
+
+NEVER = -1  # episode after which weights froze, where they never did
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Tables of solved tasks, any of which the target may be like, and how its steps tell between them."""
+
+    q: Floats  # (K, S, A); a table knows a pair where it is above 0
+    td_var: Floats  # (K, S, A) mean squared TD error of the table on its own task
+    temperature: float
+    floor: float
+    excess: float
+    cap: float
+    freeze: int
+    threshold: float
+    geometric: bool
+
+    def mean(self) -> Floats:
+        """The tables' mean under equal weights, (S, A): over those that know the pair, NaN where none does."""
+        known = self.q > 0
+        terms = np.log(self.q, where=known, out=np.zeros_like(self.q)) if self.geometric else self.q * known
+        with np.errstate(invalid="ignore"):
+            mean: Floats = terms.sum(axis=0) / known.sum(axis=0)
+        return np.exp(mean) if self.geometric else mean
+
+
+class Posterior(NamedTuple):
+    """The hypotheses of a batch, K of them padded to eights, and what the task of each lane thinks of them."""
+
+    tables: int  # K without the padding
+    actions: int
+    values: Any  # f8 (S * A, K)
+    worth: Any  # f8 (S + 1, K) of entering a state: gamma max_a Q_i, the last row that of the goal, 1
+    precision: Any  # f8 (S * A, K) 1 / (td_var + floor^2); 0 where the table does not know the pair
+    terms: Any  # f8 (S * A, K) what M averages: Q_i or ln Q_i, 0 where unknown
+    temperature: float
+    excess: float
+    cap: float
+    freeze: int
+    threshold: float
+    geometric: bool
+    kept: float  # 1 - alpha
+    log_weight: Any  # f8 (L, K)
+    weight: Any  # f8 (L, K)
+    mixed: Any  # f8 (L, K) the weights that M was made with
+    version: Any  # i8 (L,) of M
+    current: Any  # i8 (L, S) the version that a state's row is of
+    start: Any  # f8 (L, S * A) M as that row has it
+    left: Any  # f8 (L, S * A) (1 - alpha)^n, the share of M in Q
+    goals: Any  # i8 (L,) reached
+    live: Any  # b1 (L,) the weights of the lane's task are not frozen
+    next_moment: Any  # i8 (L,)
+    moments: Any  # i8 (R,) episodes after which weights are recorded
+    weights: Any  # f8 (B, R, K) as they were then, without the padding
+    moves: Any  # i8 (B,) times that M changed
+    frozen: Any  # i8 (B,) episodes after which the weights froze
+
+
+def new_posterior(
+    hypotheses: Hypotheses, alpha: float, gamma: float, moments: Integers, batch: int, lanes: int
+) -> Posterior:
+    """What the loops need to weigh the hypotheses in that many lanes."""
+    count, states, actions = hypotheses.q.shape
+    padded = -(-count // EIGHT) * EIGHT
+
+    def columns(tables: Floats) -> Floats:
+        across = np.zeros((tables[0].size, padded))
+        across[:, :count] = tables.reshape(count, -1).T
+        return across
+
+    known = hypotheses.q > 0
+    worth = np.ones((states + 1, padded))
+    worth[:states] = columns(gamma * hypotheses.q.max(axis=2))
+    values = columns(hypotheses.q)
+    logs = (
+        np.log(hypotheses.q, where=known, out=np.zeros_like(hypotheses.q)) if hypotheses.geometric else None
+    )
+    return Posterior(
+        tables=count,
+        actions=actions,
+        values=values,
+        worth=worth,
+        precision=columns(known / (hypotheses.td_var + hypotheses.floor**2)),
+        terms=values if logs is None else columns(logs),
+        temperature=float(hypotheses.temperature),
+        excess=float(hypotheses.excess),
+        cap=float(hypotheses.cap),
+        freeze=int(hypotheses.freeze),
+        threshold=float(hypotheses.threshold),
+        geometric=bool(hypotheses.geometric),
+        kept=1.0 - alpha,
+        log_weight=np.zeros((lanes, padded)),
+        weight=np.zeros((lanes, padded)),
+        mixed=np.zeros((lanes, padded)),
+        version=np.zeros(lanes, np.int64),
+        current=np.zeros((lanes, states), np.int64),
+        start=np.zeros((lanes, states * actions)),
+        left=np.ones((lanes, states * actions)),
+        goals=np.zeros(lanes, np.int64),
+        live=np.zeros(lanes, np.bool_),
+        next_moment=np.zeros(lanes, np.int64),
+        moments=np.ascontiguousarray(moments, np.int64),
+        weights=np.zeros((batch, len(moments), count)),
+        moves=np.zeros(batch, np.int64),
+        frozen=np.full(batch, NEVER),
+    )
+
+
+@inner
+def begin(posterior, tasks, lane, task):
+    """A task takes the lane: all hypotheses weigh the same, and M is the table that it starts from."""
+    log_weight, weight, mixed = posterior.log_weight[lane], posterior.weight[lane], posterior.mixed[lane]
+    for each in range(posterior.tables):
+        log_weight[each] = 0.0
+        weight[each] = mixed[each] = 1.0 / posterior.tables
+    start, left, current = posterior.start[lane], posterior.left[lane], posterior.current[lane]
+    for state in range(len(current)):
+        current[state] = 0
+        for action in range(posterior.actions):
+            start[state * posterior.actions + action] = tasks.q[task, state, action]
+            left[state * posterior.actions + action] = 1.0
+    posterior.version[lane] = posterior.goals[lane] = posterior.next_moment[lane] = 0
+    posterior.live[lane] = True
+    _record(posterior, lane, task, 0)
+
+
+@inlined
+def weigh(posterior, lane, task, state, action, after):
+    """What a step says, after its update: moves the weights and, if they have moved far enough, the version of M.
+
+    `after` is the state it led to, or the number of states if that was the goal.
+    """
+    pair = posterior.actions * np.int64(state) + np.int64(action)
+    posterior.left[lane, pair] *= posterior.kept
+    log_weight, values = posterior.log_weight[lane], posterior.values[pair]
+    worth, precision = posterior.worth[np.int64(after)], posterior.precision[pair]
+    for place in range(0, len(log_weight), EIGHT):
+        error = load_reals(worth, place) - load_reals(values, place)
+        surprise = error * error * load_reals(precision, place) - posterior.excess
+        surprise = chosen(surprise > posterior.cap, posterior.cap, chosen(surprise > 0.0, surprise, 0.0))
+        store_reals(log_weight, place, load_reals(log_weight, place) - surprise * posterior.temperature)
+    _normalise(posterior, lane, task)
+
+
+@inner
+def _normalise(posterior, lane, task):
+    log_weight, weight, mixed = posterior.log_weight[lane], posterior.weight[lane], posterior.mixed[lane]
+    largest, whole, moved = log_weight[0], 0.0, 0.0
+    for each in range(posterior.tables):
+        largest = max(largest, log_weight[each])
+    for each in range(posterior.tables):
+        log_weight[each] -= largest
+        weight[each] = math.exp(log_weight[each])
+        whole += weight[each]
+    for each in range(posterior.tables):
+        weight[each] /= whole
+        moved += abs(weight[each] - mixed[each])
+    if moved > posterior.threshold:
+        for each in range(posterior.tables):
+            mixed[each] = weight[each]
+        posterior.version[lane] += 1
+        posterior.moves[task] += 1
+
+
+@inlined
+def refresh(posterior, lane, own, state, gamma):
+    """Brings a state's row, its ties and what entering it is worth up to date with M."""
+    if posterior.current[lane, state] != posterior.version[lane]:
+        _correct(posterior, lane, own, np.int64(state), gamma)
+
+
+@inner
+def _correct(posterior, lane, own, state, gamma):
+    posterior.current[lane, state] = posterior.version[lane]
+    row, best, tied = ROW * state, -np.inf, 0
+    start, left = posterior.start[lane], posterior.left[lane]
+    for action in range(posterior.actions):
+        pair = posterior.actions * state + action
+        mean = _mean(posterior, lane, pair)
+        own.rows[row + action] += left[pair] * (mean - start[pair])
+        start[pair] = mean
+        best = max(best, own.rows[row + action])
+    for action in range(posterior.actions):
+        tied |= (own.rows[row + action] == best) << action
+    own.ties[state] = tied
+    own.rows[row + WORTH] = gamma * best
+
+
+@inner
+def _mean(posterior, lane, pair):
+    """M at a state-action: the mean of the tables that know it, under the weights; 0 where none does."""
+    mixed, terms, precision = posterior.mixed[lane], posterior.terms[pair], posterior.precision[pair]
+    above, below = load_reals(mixed, 0) * 0.0, load_reals(mixed, 0) * 0.0
+    for place in range(0, len(mixed), EIGHT):
+        weight = chosen(load_reals(precision, place) > 0.0, load_reals(mixed, place), 0.0)
+        above = above + weight * load_reals(terms, place)
+        below = below + weight
+    if total(below) == 0.0:
+        return 0.0
+    mean = total(above) / total(below)
+    return math.exp(mean) if posterior.geometric else mean
+
+
+@inner
+def end_episode(posterior, lanes, own, lane, reached, goal, setting, evaluated):
+    """An episode of the lane's task has ended: counts goals, freezes, records, and brings the table up to date if it is read now.
+
+    To be called before the episode is noted: `lanes.ended` does not count it yet. `goal` is the row of the terminal state.
+    """
+    task, ended = lanes.task[lane], lanes.ended[lane] + 1
+    posterior.goals[lane] += reached
+    freezes = reached and posterior.goals[lane] == posterior.freeze
+    if freezes:
+        posterior.frozen[task] = ended
+    if freezes or evaluated or ended == setting.episodes:
+        for state in range(posterior.current.shape[1]):
+            refresh(posterior, lane, own, state, setting.gamma)
+        make_terminal(own.rows, goal)
+    if freezes or ended == setting.episodes:
+        posterior.live[lane] = False
+        ended = setting.episodes
+    _record(posterior, lane, task, ended)
+
+
+@inner
+def _record(posterior, lane, task, ended):
+    """Notes the weights for every moment that has come; those after freezing hold the same."""
+    while posterior.next_moment[lane] < len(posterior.moments):
+        moment = posterior.next_moment[lane]
+        if posterior.moments[moment] > ended:
+            return
+        for each in range(posterior.tables):
+            posterior.weights[task, moment, each] = posterior.weight[lane, each]
+        posterior.next_moment[lane] += 1
+
+
+@inner
+def weighs(posterior, first, end):
+    """True if the weights of a task in the lanes `first` to `end` - 1 still move."""
+    count = 0
+    for lane in range(first, end):
+        count += posterior.live[lane]
+    return count > 0
+
+
+@inner
+def frozen_first(posterior, lanes, count):
+    """How many of the first `count` lanes of `lanes.order` hold a task whose weights are frozen; those now come first."""
+    frozen = 0
+    for place in range(count):
+        lane = lanes.order[place]
+        if not posterior.live[lane]:
+            lanes.order[place] = lanes.order[frozen]
+            lanes.order[frozen] = lane
+            frozen += 1
+    return frozen

@@ -1,0 +1,72 @@
+"""Posterior: weighing the source tables by the target's own steps; beyond the paper.
+
+LogQInit commits to one table before the first step. The sources are a set of hypotheses, and the target's transitions tell
+between them without a model: docs/posterior.md derives the evidence, its scale and the correction of the table that learns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from qinit_cli.fields import option
+from qinit_cli.methods.method import LARGEST_RETURN, Initial, Method
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+    from qinit_cli.fitted import Fit
+    from qinit_cli.kernels.posterior import Hypotheses
+    from qinit_cli.methods.targets import Targets
+
+
+@dataclass(frozen=True)
+class Posterior(Method):
+    """Posterior, beyond the paper: starts from a mean of the sources and weighs them by the target's own TD errors."""
+
+    temperature: float = option(0.05, "Factor of the evidence: 0 leaves all weights equal.", low=0)
+    floor: float = option(0.01, "Least standard deviation of a TD error; above 0.", low=1e-9)
+    excess: float = option(0.0, "Squared TD error, in variances, that counts as none.", low=0)
+    cap: float = option(25.0, "Most that one step's squared TD error counts, in variances.", low=0)
+    freeze: int = option(5, "Goals reached after which the weights stay; 0: they never freeze.", low=0)
+    threshold: float = option(
+        0.05, "Movement of the weights, summed over sources, at which the table follows.", low=0, high=2
+    )
+    mixing: Literal["arithmetic", "geometric"] = option(
+        "arithmetic", "Which mean of the source tables: with equal weights, mean or logqinit-median."
+    )
+    library: int | None = option(
+        None,
+        "Sources to weigh, the first of the fit's library.",
+        low=0,
+        metavar="K",
+        default_text="all of it",
+    )
+
+    name: ClassVar[str] = "posterior"
+    formula: ClassVar[str] = "sum_i w_i Q_i, ln w_i = -temperature sum of z_i^2 over the target's own steps"
+
+    def start(self, fit: Fit, targets: Targets) -> Floats:
+        """The mean of the tables under equal weights, (S, A), NaN where none of them knows."""
+        return self.hypotheses(fit).mean()
+
+    def initial(self, fit: Fit, targets: Targets) -> Initial:
+        """The mean's start, and the tables with which learning goes on to change it."""
+        return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit))
+
+    def hypotheses(self, fit: Fit) -> Hypotheses:
+        """The library's tables, within what a return can be, with the rules of weighing."""
+        import numpy as np
+
+        from qinit_cli.kernels.posterior import Hypotheses
+
+        return Hypotheses(
+            q=np.clip(fit.library_q[: self.library], 0.0, LARGEST_RETURN),
+            td_var=fit.library_td_var[: self.library],
+            temperature=self.temperature,
+            floor=self.floor,
+            excess=self.excess,
+            cap=self.cap,
+            freeze=self.freeze,
+            threshold=self.threshold,
+            geometric=self.mixing == "geometric",
+        )
