@@ -1,19 +1,14 @@
 """Robust summaries over source sets and targets, as rliable defines them (Agarwal et al., 2021).
 
-Its runs are our source sets R, its tasks our targets T; one source set is R = 1, and then the probability of
-improvement is the paired share of targets on which a method is better.
+Its runs are our source sets R, its tasks our targets T. It resamples runs within each task and takes the tasks for given;
+here targets are drawn from a distribution, so they are resampled too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from qinit_cli.analysis.intervals import RESAMPLES, Interval, percentiles
 from qinit_cli.arrays import Floats, Integers
-
-Statistic = Callable[..., float]
 
 
 def interquartile_mean(values: Floats) -> float:
@@ -23,38 +18,25 @@ def interquartile_mean(values: Floats) -> float:
     return float(ordered[cut : ordered.size - cut].mean())
 
 
+def resampled_interquartile_means(values: Floats, counts: Integers) -> Floats:
+    """The same of samples that hold each of the scores (R, T) as often as `counts` (B, R * T) says, (B,)."""
+    order = np.argsort(values, axis=None)
+    total, cut = order.size, order.size // 4
+    upto = np.cumsum(np.take(counts, order, axis=1), axis=1, dtype=np.int32)
+    edges = np.pad(np.clip(upto, cut, total - cut), ((0, 0), (1, 0)), constant_values=cut)
+    means: Floats = (edges[:, 1:] - edges[:, :-1]) @ values.ravel()[order] / (total - 2 * cut)
+    return means
+
+
+def improvements(method: Floats, baseline: Floats) -> Floats:
+    """1 where `method` is above `baseline`, 1/2 where they are equal, else 0; in their common shape."""
+    better: Floats = np.heaviside(method - baseline, 0.5)
+    return better
+
+
 def probability_of_improvement(method: Floats, baseline: Floats) -> float:
-    """Chance that `method` (R, T) beats `baseline` (R', T) on a target drawn at random; ties count half."""
-    pairs = method[:, None] - baseline[None, :]
-    return float(np.mean((pairs > 0) + 0.5 * (pairs == 0)))
+    """Chance that `method` (R, T) beats `baseline` (R', T) on a target drawn at random, over all pairs of runs.
 
-
-def bootstrap(
-    statistic: Statistic,
-    scores: tuple[Floats, ...],
-    rng: np.random.Generator,
-    *,
-    shared_targets: bool,
-    resamples: int = RESAMPLES,
-) -> Interval:
-    """A `statistic` of the `scores`, each (R, T), and its percentile interval, each ().
-
-    All scores are resampled alike, for they are of the same source sets and targets. With one source set
-    the interval is conditional on it. Several sets are resampled too, and their targets with them
-    (pigeonhole) where they are shared, else anew within each set drawn (nested).
+    Ties count half. One run of each: the share of targets on which the method is better.
     """
-    sets, targets = scores[0].shape
-    estimate = np.asarray(statistic(*scores))
-    if targets < 2:
-        return Interval(estimate, np.asarray(np.nan), np.asarray(np.nan))
-    drawn = (_drawn(sets, targets, shared_targets, rng) for _ in range(resamples))
-    return percentiles(
-        estimate, np.array([statistic(*(score[index] for score in scores)) for index in drawn])
-    )
-
-
-def _drawn(
-    sets: int, targets: int, shared_targets: bool, rng: np.random.Generator
-) -> tuple[Integers, Integers]:
-    rows = rng.integers(0, sets, (sets, 1))
-    return rows, rng.integers(0, targets, (1 if shared_targets else sets, targets))
+    return float(improvements(method[:, None], baseline[None]).mean())

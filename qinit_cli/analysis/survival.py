@@ -57,5 +57,19 @@ def kaplan_meier(times: Integers, reached: Flags, until: int) -> Survival:
         median=float(events[half[0]]) if half.size else float("inf"),
         restricted_mean=float(np.sum(np.diff(edges) * np.concatenate(([1.0], below)))),
         until=until,
-        censored=float(1 - np.mean(reached)),
+        censored=float(np.mean(~reached)),
     )
+
+
+def resampled_medians(times: Integers, reached: Flags, counts: Integers) -> Floats:
+    """Kaplan-Meier medians of samples that hold each of the (T,) `times` as often as `counts` (B, T) says, (B,).
+
+    Infinite where half never reach it. For times that are censored at the last episode alone, as those of
+    `time_to_threshold` are: then the estimate is the share seen.
+    """
+    ends = np.where(reached, times, np.inf)
+    order = np.argsort(ends)
+    upto = np.cumsum(np.take(counts, order, axis=1), axis=1, dtype=np.int32)
+    half = 2 * upto >= upto[:, -1:]
+    medians: Floats = ends[order][half.argmax(axis=1)]
+    return medians

@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from qinit_cli.analysis.intervals import RESAMPLES, Interval, percentiles, resampled_means
-from qinit_cli.arrays import Flags, Floats
+from qinit_cli.analysis.intervals import Interval, percentiles, unknown
+from qinit_cli.arrays import Floats
 
 
-@dataclass(frozen=True)
-class TransferRatio:
-    """Ratio of means, difference of means, and whether the ratio may be shown; one entry per metric (M,)."""
+def transfer_ratio(mean: float, baseline: float, means: Floats, baselines: Floats) -> Interval:
+    """Ratio of two means and its interval, each (), from the same means in the same samples, each (B,).
 
-    ratio: Interval  # NaN where not `defined`: show the difference there
-    difference: Interval
-    defined: Flags
-
-
-def transfer_ratio(
-    values: Floats, zero: Floats, rng: np.random.Generator, resamples: int = RESAMPLES
-) -> TransferRatio:
-    """Mean of `values` over mean of `zero`, both (T, M) on the same targets, resampled in pairs.
-
-    Undefined where the interval of the zero run's mean touches 0: dividing by next to nothing tells nothing.
+    NaN where the interval of the baseline's mean touches 0: dividing by next to nothing tells nothing, so there the
+    difference stands alone.
     """
-    metrics = values.shape[1]
-    means = resampled_means(np.concatenate([values, zero], axis=1), rng, resamples)
-    mean, mean_zero = values.mean(axis=0), zero.mean(axis=0)
-    against = percentiles(mean_zero, means[:, metrics:])
-    defined = np.asarray((against.low > 0) | (against.high < 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = percentiles(
-            np.where(defined, mean / mean_zero, np.nan),
-            np.where(defined, means[:, :metrics] / means[:, metrics:], np.nan),
-        )
-    return TransferRatio(
-        ratio=ratio,
-        difference=percentiles(mean - mean_zero, means[:, :metrics] - means[:, metrics:]),
-        defined=defined,
-    )
+    against = percentiles(np.asarray(baseline), baselines)
+    if not against.low > 0:
+        return unknown(np.asarray(np.nan))
+    some = baselines > 0  # but for a few samples beyond the interval
+    return percentiles(np.asarray(mean / baseline), means[some] / baselines[some])

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from qinit_cli.analysis.intervals import RESAMPLES, over_targets
+from qinit_cli.analysis.intervals import over_targets
+from qinit_cli.analysis.resampling import RESAMPLES
 from qinit_cli.arrays import Floats, Tasks
 from qinit_cli.benchmarks.race import Race, Runner
 from qinit_cli.environments.family import draw_tasks

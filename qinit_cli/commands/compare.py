@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.runs import Run
-    from qinit_cli.stages.compare import Comparison, Estimate
+    from qinit_cli.stages.compare import Comparison
 
 SCHEMA = "qinit.compare/1"
-MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,13 @@ class Comparing:
 
     greedy: bool = option(
         False, "Compare the greedy evaluations (transfer --evaluate-every) instead of the episodes."
+    )
+
+    columns: str | None = option(
+        None,
+        "Only these, by their names in TSV, separated by commas: iqm,censored.",
+        metavar="NAMES",
+        default_text="all; on a terminal those that fit",
     )
 
     def __post_init__(self) -> None:
@@ -61,70 +67,64 @@ def compare(
     runs: list[str], comparing: Comparing, tabular: Tabular, reading: Reading, display: Display
 ) -> None:
     """Prints one table per set of shared targets."""
-    from qinit_cli.commands.tables import TableColumn, print_table
+    from qinit_cli.commands import comparison_tables as tables
+    from qinit_cli.commands.tables import print_table
     from qinit_cli.stages import compare as stage
 
+    metric, baseline = comparing.metric, comparing.baseline
+    every = tables.columns(metric, baseline, greedy=comparing.greedy)
+    columns = tables.chosen(every, comparing.columns)
     found = read_runs(runs, reading.store)
     if comparing.greedy:
         found = [run.greedy() for run in found]
-    comparisons = stage.compare(found, comparing.baseline, comparing.metric)
-    columns = [
-        TableColumn("method"),
-        TableColumn(comparing.metric, comparing.metric, 4, interval=True),
-        TableColumn("difference", f"minus {comparing.baseline}", 4, interval=True),
-        TableColumn("p", "p", 4, dispensable=True),
-        TableColumn(
-            "jumpstart",
-            "first" if comparing.greedy else "first 10",
-            4,
-            interval=True,
-            bounds_shown=False,
-            dispensable=True,
-        ),
-        TableColumn("asymptotic", "last 10%", 4, interval=True, bounds_shown=False, dispensable=True),
-        TableColumn("regret", "regret", 4, interval=True, bounds_shown=False, dispensable=True),
-        TableColumn("success", digits=3, dispensable=True),
-        TableColumn("restricted_steps", "steps", 1, dispensable=True),
-        TableColumn("remark"),
-    ]
+    comparisons = stage.compare(found, baseline, metric)
     for comparison in comparisons:
-        if comparison.baseline is None:
-            note(
-                display,
-                f"{comparison.title}: no run of {comparing.baseline}, so no differences; "
-                f"qinit transfer {comparing.baseline} FIT makes one",
-            )
-        if comparison.rows[0].regret is None:
-            note(
-                display,
-                f"{comparison.title}: regret needs a run of optimal; qinit transfer optimal FIT makes one",
-            )
+        _say_what_is_missing(comparison, comparing, display)
     if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
         for comparison in comparisons:
-            plain = _rows(comparison, comparing.metric)
-            rows = [_marked(row) for row in plain]
-            marks = [
-                f"{MARKS[remark]} {remark}"
-                for remark in MARKS
-                if any(row["remark"] == remark for row in plain)
-            ]
-            caption = "\n".join([comparison.intervals, *marks])
-            print_table(SCHEMA, columns[:-1], rows, tabular, display, title=comparison.title, caption=caption)
+            rows = [tables.marked(row) for row in tables.rows(comparison, metric)]
+            print_table(
+                SCHEMA,
+                tables.for_people(columns),
+                rows,
+                tabular,
+                display,
+                title=comparison.title,
+                caption=tables.caption(comparison, metric),
+            )
         return
-    everything = [TableColumn("targets"), TableColumn("sets"), *columns]
-    whole = told(comparisons, comparing.metric)
-    print_table(SCHEMA, everything, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
+    whole = told(comparisons, metric)
+    print_table(SCHEMA, columns, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
 
 
 def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
     """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
+    from qinit_cli.commands import comparison_tables as tables
+
     return {
         "schema": SCHEMA,
         "intervals": [
             {"targets": one.title, "over": one.intervals, "baseline": one.baseline} for one in comparisons
         ],
-        "rows": [row for one in comparisons for row in _rows(one, metric)],
+        "rows": [row for one in comparisons for row in tables.rows(one, metric)],
     }
+
+
+def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: Display) -> None:
+    """The commands that make the runs which differences and regret are counted from."""
+    baseline = comparing.baseline
+    if comparison.baseline is None:
+        note(
+            display,
+            f"{comparison.title}: no run of {baseline}, so no differences; "
+            f"qinit transfer {baseline} FIT makes one",
+        )
+    if comparison.rows[0].regret is None:
+        needing = "regret needs" if comparing.greedy else "regret and time to threshold need"
+        note(
+            display,
+            f"{comparison.title}: {needing} a run of optimal; qinit transfer optimal FIT makes one",
+        )
 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
@@ -142,34 +142,3 @@ def read_runs(references: list[str], store: str) -> list[Run]:
         run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
         for path, run in found.values()
     ]
-
-
-def _rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
-    return [
-        {
-            "targets": comparison.title,
-            "method": row.label,
-            "sets": row.sets,
-            **_bounds(metric, row.average),
-            **_bounds("difference", row.difference),
-            "p": row.p,
-            **_bounds("jumpstart", row.jumpstart),
-            **_bounds("asymptotic", row.asymptotic),
-            **_bounds("regret", row.regret),
-            "success": row.success,
-            "restricted_steps": row.steps,
-            "remark": row.remark,
-        }
-        for row in comparison.rows
-    ]
-
-
-def _marked(row: dict[str, Any]) -> dict[str, Any]:
-    """The row with its remark as a mark at the method, which the caption explains."""
-    return row | {"method": row["method"] + MARKS.get(row["remark"], "")}
-
-
-def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
-    if estimate is None:
-        return {key: None, f"{key}_low": None, f"{key}_high": None}
-    return {key: estimate.mean, f"{key}_low": estimate.low, f"{key}_high": estimate.high}

@@ -108,7 +108,7 @@ def _print_rich(
     shown = list(columns)
     dropped: list[TableColumn] = []
     while True:
-        table = _rich_table(shown, rows, title, caption)
+        table = _rich_table(shown, rows)
         # measured with room to spare: a measure never exceeds the width that it is given
         needed = Measurement.get(terminal, terminal.options.update(width=UNBOUNDED), table).minimum
         dispensable = [column for column in shown if column.dispensable]
@@ -116,22 +116,23 @@ def _print_rich(
             break
         dropped.insert(0, dispensable[-1])
         shown.remove(dispensable[-1])
+    # title and caption apart: in the table they would be folded to its width
+    if title:
+        terminal.print(title, style="table.title", highlight=False)
     terminal.print(table)
+    if caption:
+        terminal.print(caption, style="table.caption", highlight=False)
     if dropped:
         names = ", ".join(column.title for column in dropped)
         terminal.print(f"not shown for lack of room: {names} (--format tsv has all)", style="dim")
 
 
-def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row], title: str, caption: str) -> Table:
+def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row]) -> Table:
     from rich import box
     from rich.table import Table
 
     table = Table(
         box=box.SIMPLE_HEAD,
-        title=title or None,
-        title_justify="left",
-        caption=caption or None,
-        caption_justify="left",
         pad_edge=False,
         padding=(0, 1, 0, 0),
     )

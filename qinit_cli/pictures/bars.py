@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from qinit_cli.figures.bars import Bars
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.runs import Run
-    from qinit_cli.stages.compare import Comparison, Estimate, Metric
+    from qinit_cli.stages.compare import Comparison
+    from qinit_cli.stages.estimates import Estimate
+    from qinit_cli.stages.scores import Metric
     from qinit_cli.stages.source_sets import Group
 
 

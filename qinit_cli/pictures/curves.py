@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from qinit_cli.figures.curves import Curve
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.runs import Run
-    from qinit_cli.stages.compare import Metric
+    from qinit_cli.stages.scores import Metric
     from qinit_cli.stages.source_sets import Entry, Group
 
 POINTS = 200  # along a curve: more than a column's width shows
@@ -67,7 +67,7 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int) -> Curve:
 
     from qinit_cli.analysis import returns
     from qinit_cli.figures.curves import Curve
-    from qinit_cli.stages.compare import curve
+    from qinit_cli.stages.scores import curve
 
     curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))

@@ -2,52 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Literal
 
 from qinit_cli.environments import family_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
-from qinit_cli.seeding import Stream, generator
+from qinit_cli.stages.estimates import Chance, Estimate, Estimates, estimates
+from qinit_cli.stages.scores import Metric, Scores, attainable, scores
 from qinit_cli.stages.source_sets import Entry, Group, grouped
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from qinit_cli.arrays import Floats
-
-Metric = Literal["return", "success", "steps"]
-
-FIRST_EVALUATIONS = 1  # before anything is learned: a greedy evaluation's jumpstart
-
 
 @dataclass(frozen=True)
-class Estimate:
-    """A mean and its 95 % interval; NaN bounds where there is one unit only."""
-
-    mean: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Row:
-    """One method against the baseline."""
+class Row(Estimates):
+    """One method against the baseline; its p adjusted by Holm over the rows."""
 
     label: str
     remark: str  # what a reader must know of the method
     sets: int  # source sets it was run from
-    average: Estimate  # over all episodes
-    jumpstart: Estimate  # over the first 10 episodes, or before anything was learned (greedy evaluations)
-    asymptotic: Estimate  # over the last tenth
-    steps: float  # mean of min(steps, horizon)
-    success: float  # share of episodes that reach the goal
-    difference: Estimate | None  # of averages, paired on the same targets; None without a baseline
-    p: float | None  # of the difference, sign-flip permutation, Holm over the rows
-    regret: Estimate | None  # to what is possible, see `attainable`; None where that is not known
+    negative_transfer: (
+        bool | None
+    )  # worse than learning from zero, beyond its interval; None where that is not set against
 
 
 @dataclass(frozen=True)
@@ -67,44 +45,12 @@ class Comparison:
 def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
     """One comparison per group of runs that may be compared, in order of appearance.
 
-    `baseline` is a method's label or an artefact's name; "" for averages alone. One source set: intervals
-    over targets. Several: over sets and
-    targets, both resampled where the targets are shared, targets within sets where each has its own.
+    `baseline` is a method's label or an artefact's name; "" for averages alone. One source set: intervals over targets.
+    Several: over sets and targets, both resampled where the targets are shared, targets within sets where each has its own.
     """
     comparisons = [_comparison(group, baseline, metric) for group in grouped(runs)]
     _check_baseline(comparisons, baseline)
     return comparisons
-
-
-def curve(run: Run, metric: Metric) -> Floats:
-    """What the metric says of every episode, (T, E)."""
-    from qinit_cli.analysis import returns
-
-    match metric:
-        case "return":
-            return returns.discounted_returns(run.steps, run.reached, run.gamma)
-        case "success":
-            return run.reached.astype(float)
-        case "steps":
-            return returns.restricted_steps(run.steps, run.horizon)
-
-
-def attainable(group: Group) -> Callable[[Run], Floats] | None:
-    """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
-
-    The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the
-    run of `optimal` on the same targets earns in its last tenth; None without either.
-    """
-    from qinit_cli.analysis import returns
-
-    if all(run.attainable is not None for entry in group.entries for run in entry.runs):
-        return lambda run: (
-            run.attainable if run.attainable is not None else returns.average(curve(run, "return"))
-        )
-    optimal = next((entry for entry in group.entries if entry.method == "optimal"), None)
-    if optimal is None or not all(optimal.beside(run) for entry in group.entries for run in entry.runs):
-        return None
-    return lambda run: returns.asymptotic(curve(optimal.beside(run) or run, "return"))
 
 
 def remark(method: str) -> str:
@@ -121,7 +67,13 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
 
     base = _baseline(group, baseline)
     possible = attainable(group)
-    rows = [_row(entry, group, metric, None if entry is base else base, possible) for entry in group.entries]
+    scored = {
+        run.name: scores(run, metric, None if possible is None else possible(run))
+        for entry in group.entries
+        for run in entry.runs
+    }
+    chance = Chance(group.shared, int(group.any_run.spec["seed"]))
+    rows = [_row(entry, None if entry is base else base, metric, scored, chance) for entry in group.entries]
     targets, episodes = group.any_run.steps.shape
     return Comparison(
         title=_title(group, targets, episodes),
@@ -196,72 +148,32 @@ def _baseline(group: Group, baseline: str) -> Entry | None:
     return meant[0] if meant else None
 
 
-def _row(
-    entry: Entry, group: Group, metric: Metric, base: Entry | None, possible: Callable[[Run], Floats] | None
-) -> Row:
-    import numpy as np
-
-    from qinit_cli.analysis import returns
-
-    curves = [curve(run, metric) for run in entry.runs]
-    first = FIRST_EVALUATIONS if group.any_run.unit == "evaluations" else returns.JUMPSTART_EPISODES
-    summaries = {
-        "average": np.stack([returns.average(values) for values in curves]),
-        "jumpstart": np.stack([returns.jumpstart(values, first) for values in curves]),
-        "asymptotic": np.stack([returns.asymptotic(values) for values in curves]),
-    }
+def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Scores], chance: Chance) -> Row:
     paired = [base.beside(run) for run in entry.runs] if base is not None else []
     others = [other for other in paired if other is not None]
-    if others and len(others) == len(entry.runs):
-        against = np.stack([returns.average(curve(other, metric)) for other in others])
-        summaries["difference"] = summaries["average"] - against
-    if possible is not None:
-        earned = np.stack([returns.average(curve(run, "return")) for run in entry.runs])
-        summaries["regret"] = np.stack([possible(run) for run in entry.runs]) - earned
-    estimates = _estimates(summaries, group)
+    whole = bool(others) and len(others) == len(entry.runs)
+    found = estimates(
+        [scored[run.name] for run in entry.runs],
+        [scored[other.name] for other in others] if whole else None,
+        metric,
+        chance,
+    )
     return Row(
+        **vars(found),
         label=entry.label,
         remark=remark(entry.method),
         sets=len(entry.runs),
-        average=estimates["average"],
-        jumpstart=estimates["jumpstart"],
-        asymptotic=estimates["asymptotic"],
-        steps=float(np.mean([returns.restricted_steps(run.steps, run.horizon).mean() for run in entry.runs])),
-        success=float(np.mean([run.reached.mean() for run in entry.runs])),
-        difference=estimates.get("difference"),
-        p=_p(summaries["difference"], group) if "difference" in summaries else None,
-        regret=estimates.get("regret"),
+        negative_transfer=_worse(found.difference, metric)
+        if base is not None and base.method == "zero"
+        else None,
     )
 
 
-def _estimates(summaries: dict[str, Floats], group: Group) -> dict[str, Estimate]:
-    """Mean and interval of each summary (R, T), all resampled alike."""
-    import numpy as np
-
-    from qinit_cli.analysis import intervals
-
-    values = np.stack(list(summaries.values()), axis=2)
-    chance = _chance(group)
-    if len(values) == 1:
-        interval = intervals.over_targets(values[0], chance)
-    elif group.shared:
-        interval = intervals.pigeonhole(values, chance)
-    else:
-        interval = intervals.nested(values, chance)
-    return {
-        name: Estimate(float(mean), float(low), float(high))
-        for name, mean, low, high in zip(
-            summaries, interval.estimate, interval.low, interval.high, strict=True
-        )
-    }
-
-
-def _p(differences: Floats, group: Group) -> float:
-    """Sign-flip p of differences (R, T): targets flip where there is one source set, else whole sets do."""
-    from qinit_cli.analysis.permutation import sign_flip_p
-
-    units = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
-    return float(sign_flip_p(units, _chance(group))[0])
+def _worse(difference: Estimate | None, metric: Metric) -> bool | None:
+    """Whether the whole interval of a difference lies on the worse side of 0; None without an interval."""
+    if difference is None or math.isnan(difference.low):
+        return None
+    return difference.low > 0 if metric == "steps" else difference.high < 0
 
 
 def _holm(rows: list[Row]) -> tuple[Row, ...]:
@@ -274,8 +186,3 @@ def _holm(rows: list[Row]) -> tuple[Row, ...]:
     return tuple(
         row if row.p is None else replace(row, p=float(p)) for row, p in zip(rows, adjusted, strict=True)
     )
-
-
-def _chance(group: Group) -> np.random.Generator:
-    """One stream for every row: the same resamples for each method."""
-    return generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)

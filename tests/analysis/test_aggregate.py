@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qinit_cli.analysis.aggregate import bootstrap, interquartile_mean, probability_of_improvement
-from qinit_cli.analysis.intervals import nested, over_targets, pigeonhole
+from qinit_cli.analysis.aggregate import (
+    improvements,
+    interquartile_mean,
+    probability_of_improvement,
+    resampled_interquartile_means,
+)
+from qinit_cli.analysis.resampling import Crossed, Nested, crossed, nested, of_targets
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (3, 5), (10, 200)])
@@ -29,41 +34,57 @@ def test_one_source_set_compares_in_pairs() -> None:
     assert probability_of_improvement(np.array([[1.0, 2, 3, 4]]), np.array([[0.0, 2, 9, 9]])) == 1.5 / 4
 
 
-def test_the_bootstrap_of_a_mean_is_the_interval_of_the_mean() -> None:
-    rng = np.random.default_rng(2)
-    values = rng.exponential(1, (8, 30)) + rng.exponential(1, 30)  # targets differ for all sets
-
-    def mean(scores: np.ndarray) -> float:
-        return float(scores.mean())
-
-    one = bootstrap(mean, (values[:1],), np.random.default_rng(3), shared_targets=True, resamples=4000)
-    known = over_targets(values[0, :, None], np.random.default_rng(4))
-    several = bootstrap(mean, (values,), np.random.default_rng(3), shared_targets=True, resamples=4000)
-    crossed = pigeonhole(values[:, :, None], np.random.default_rng(4))
-    own = bootstrap(mean, (values,), np.random.default_rng(3), shared_targets=False, resamples=4000)
-    within = nested(values[:, :, None], np.random.default_rng(4))
-    for found, expected in ((one, known), (several, crossed), (own, within)):
-        width = expected.high[0] - expected.low[0]
-        assert found.estimate == pytest.approx(expected.estimate[0])
-        assert found.low == pytest.approx(expected.low[0], abs=0.06 * width)
-        assert found.high == pytest.approx(expected.high[0], abs=0.06 * width)
+def test_the_interquartile_mean_by_hand() -> None:
+    # ten scores: two are cut at either end, 2 3 4 5 6 7 are kept
+    assert interquartile_mean(np.array([[9.0, 0, 2, 4, 6], [1, 3, 5, 7, 800]])) == 4.5
+    assert interquartile_mean(np.array([[1.0, 2, 30]])) == 11  # a quarter of three is none
 
 
-def test_methods_are_resampled_together() -> None:
-    rng = np.random.default_rng(5)
-    baseline = rng.normal(0, 9, (3, 20))
-    for shared in (True, False):
-        found = bootstrap(
-            probability_of_improvement,
-            (baseline[:1] + 1e-3, baseline[:1]),
-            rng,
-            shared_targets=shared,
-            resamples=200,
-        )
-        assert (found.estimate, found.low, found.high) == (1, 1, 1)
+def test_the_probability_of_improvement_by_hand() -> None:
+    # the first target: 3 > 1, 3 = 3, 0 < 1, 0 < 3; the second: 5 > 4 twice, 5 > 2 twice
+    assert (
+        probability_of_improvement(np.array([[3.0, 5], [0, 5]]), np.array([[1.0, 4], [3, 2]]))
+        == (1.5 / 4 + 1) / 2
+    )
 
 
-def test_one_target_has_no_interval() -> None:
-    found = bootstrap(interquartile_mean, (np.ones((3, 1)),), np.random.default_rng(0), shared_targets=True)
-    assert found.estimate == 1
-    assert np.isnan([found.low, found.high]).all()
+SAMPLES = [("of one set", 1, True), ("crossed", 4, True), ("nested", 4, False)]
+
+
+def _drawn(sets: int, shared: bool, targets: int = 9) -> Crossed | Nested:
+    rng = np.random.default_rng(6)
+    if sets == 1:
+        return next(iter(of_targets(targets, rng, 40)))
+    return next(iter((crossed if shared else nested)(sets, targets, rng, 40)))
+
+
+@pytest.mark.parametrize(("name", "sets", "shared"), SAMPLES)
+def test_resampled_interquartile_means_are_those_of_the_samples_written_out(
+    name: str, sets: int, shared: bool
+) -> None:
+    values = np.random.default_rng(7).exponential(1, (sets, 9))
+    counts = _drawn(sets, shared).counts()
+    assert (counts.sum(axis=1) == values.size).all()
+    expected = [stats.trim_mean(np.repeat(values.ravel(), held), 0.25) for held in counts]
+    np.testing.assert_allclose(resampled_interquartile_means(values, counts), expected, rtol=1e-12)
+
+
+def test_resampled_probabilities_are_those_of_the_samples_written_out() -> None:
+    rng = np.random.default_rng(8)
+    method, baseline = rng.integers(0, 5, (2, 4, 9)) * 1.0
+    sample = _drawn(4, shared=True)
+    assert isinstance(sample, Crossed)
+    expected = []
+    for chosen, met in zip(sample.chosen.astype(int), sample.met.astype(int), strict=True):
+        at = np.ix_(np.repeat(np.arange(4), chosen), np.repeat(np.arange(9), met))
+        expected.append(probability_of_improvement(method[at], baseline[at]))
+    found = sample.pair_means(improvements(method[:, None], baseline[None]))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "sets", "shared"), SAMPLES)
+def test_resampled_means_are_those_of_the_samples_written_out(name: str, sets: int, shared: bool) -> None:
+    values = np.random.default_rng(9).normal(size=(sets, 9, 3))
+    sample = _drawn(sets, shared)
+    expected = [np.repeat(values.reshape(-1, 3), held, axis=0).mean(axis=0) for held in sample.counts()]
+    np.testing.assert_allclose(sample.means(values), expected, atol=1e-14)

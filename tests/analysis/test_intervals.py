@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qinit_cli.analysis import intervals
-from qinit_cli.analysis.intervals import Interval, nested, over_targets, pigeonhole, resampled_means
+from qinit_cli.analysis import resampling
+from qinit_cli.analysis.intervals import Interval, nested, over_targets, pigeonhole
 
 
 def skewed(targets: int, seed: int = 0) -> np.ndarray:
@@ -22,7 +22,7 @@ def skewed(targets: int, seed: int = 0) -> np.ndarray:
 def test_the_interval_is_scipys_from_the_same_generator(
     monkeypatch: pytest.MonkeyPatch, at_once: int
 ) -> None:
-    monkeypatch.setattr(intervals, "_VALUES_AT_ONCE", at_once)
+    monkeypatch.setattr(resampling, "_VALUES_AT_ONCE", at_once)
     values = skewed(40)
     found = over_targets(values, np.random.default_rng(9), resamples=2000)
     for metric in range(3):
@@ -43,15 +43,15 @@ def test_a_difference_in_pairs_is_tighter_than_the_difference_of_two_intervals()
 
 
 def test_memory_is_bounded_by_the_block(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes = list(intervals._blocks(10_000, 5_000))
+    sizes = list(resampling._blocks(10_000, 5_000))
     assert sum(sizes) == 10_000
     assert max(sizes) * 5_000 <= 1_000_000
-    assert list(intervals._blocks(3, 5_000_000)) == [1, 1, 1]
+    assert list(resampling._blocks(3, 5_000_000)) == [1, 1, 1]
 
 
 def test_resampled_means_of_one_value_are_that_value() -> None:
-    means = resampled_means(np.full((8, 2), 0.25), np.random.default_rng(0), resamples=50)
-    np.testing.assert_array_equal(means, np.full((50, 2), 0.25))
+    [sample] = resampling.of_targets(8, np.random.default_rng(0), resamples=50)
+    np.testing.assert_array_equal(sample.means(np.full((1, 8, 2), 0.25)), np.full((50, 2), 0.25))
 
 
 def test_what_cannot_be_resampled_has_an_estimate_but_no_interval() -> None:

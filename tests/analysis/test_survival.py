@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from statsmodels.duration.survfunc import SurvfuncRight
 
-from qinit_cli.analysis.survival import kaplan_meier, time_to_threshold
+from qinit_cli.analysis.survival import kaplan_meier, resampled_medians, time_to_threshold
 
 
 def test_the_time_is_the_end_of_the_first_window_that_is_good_enough() -> None:
@@ -68,3 +68,14 @@ def test_where_none_arrives_the_median_is_infinite_and_the_mean_the_limit() -> N
 def test_without_censoring_the_restricted_mean_is_the_mean() -> None:
     times = np.random.default_rng(1).integers(1, 90, 40)
     assert kaplan_meier(times, np.ones(40, dtype=bool), 100).restricted_mean == pytest.approx(times.mean())
+
+
+def test_resampled_medians_are_kaplan_meiers_of_the_samples_written_out() -> None:
+    rng = np.random.default_rng(2)
+    times, reached = time_to_threshold(rng.random((30, 120)), np.full(30, 0.71), window=10)
+    assert 0.2 < reached.mean() < 0.8
+    counts = rng.multinomial(30, np.full(30, 1 / 30), 200)
+    expected = [kaplan_meier(np.repeat(times, held), np.repeat(reached, held), 120).median for held in counts]
+    assert np.isinf(expected).any()
+    assert np.isfinite(expected).any()
+    np.testing.assert_array_equal(resampled_medians(times, reached, counts), expected)

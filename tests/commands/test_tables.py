@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,59 @@ def test_another_baseline_turns_the_difference_round(compared: Callable[..., Any
     to_max = json.loads(compared("--baseline", "maxqinit", "--json").out)["rows"]
     assert to_max[0]["difference"] == pytest.approx(-to_zero[1]["difference"])
     assert to_max[1]["difference"] is None
+
+
+METRICS = (
+    "transfer_ratio",
+    "time_to_threshold",
+    "restricted_mean_time_to_threshold",
+    "iqm",
+    "probability_of_improvement",
+    "regret",
+)
+
+
+def test_every_metric_and_its_interval_stands_in_every_format_for_programs(
+    compared: Callable[..., Any],
+) -> None:
+    names = [f"{metric}{end}" for metric in METRICS for end in ("", "_low", "_high")]
+    names += ["censored", "negative_transfer"]
+    heads = {style: compared("--format", style).out.splitlines()[0] for style in ("tsv", "csv", "jsonl")}
+    assert set(names) <= set(heads["tsv"].split("\t"))
+    assert set(names) <= set(heads["csv"].split(","))
+    assert set(names) <= json.loads(heads["jsonl"]).keys()
+    rows = json.loads(compared("--json").out)["rows"]
+    assert rows[0]["transfer_ratio"] is rows[0]["probability_of_improvement"] is None
+    for row in rows[1:]:
+        assert 0 <= row["probability_of_improvement"] <= 1
+        assert row["negative_transfer"] == (row["difference_high"] < 0)
+
+
+def test_chosen_columns_stand_alone_and_in_that_order(compared: Callable[..., Any]) -> None:
+    [zero, *_] = json.loads(compared("--columns", "iqm, p", "--json").out)["rows"]
+    assert list(zero) == ["targets", "sets", "method", "iqm", "iqm_low", "iqm_high", "p"]
+    heading = next(
+        line
+        for line in compared("--columns", "iqm,p", "--format", "table").out.splitlines()
+        if "method" in line
+    )
+    assert heading.split() == ["method", "IQM", "p"]
+
+
+def test_a_column_that_is_not_there_is_refused_with_the_nearest(here: Here, pipeline: Any) -> None:
+    ended = here("compare", pipeline.runs["zero"], "--columns", "sucess")
+    assert (ended.code, ended.out) == (2, "")
+    assert "did you mean success?" in ended.err
+
+
+def test_negative_transfer_is_said_beneath_the_table(compared: Callable[..., Any]) -> None:
+    rows = json.loads(compared("--json").out)["rows"]
+    text = " ".join(compared("--format", "table").out.split())
+    [sentence] = re.findall(r"negative transfer: (.*?) worse than learning from zero", text) or [""]
+    for row in rows:
+        assert (row["method"] in sentence) == bool(row["negative_transfer"])
+    other = compared("--format", "table", "--baseline", "maxqinit").out
+    assert "negative transfer" not in other
 
 
 def test_without_a_run_of_the_baseline_a_note_names_the_command_that_makes_one(

@@ -11,7 +11,8 @@ from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.runs import Run
 from qinit_cli.seeding import Stream, generator
-from qinit_cli.stages.compare import compare, curve
+from qinit_cli.stages.compare import compare
+from qinit_cli.stages.scores import curve
 
 EPISODES = 20
 GAMMA = 0.5

@@ -1,0 +1,123 @@
+"""The columns and rows that `qinit compare` prints, and what stands beneath them for people."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.commands.tables import TableColumn
+from qinit_cli.errors import UsageError
+from qinit_cli.nearest import nearest
+
+if TYPE_CHECKING:
+    from qinit_cli.stages.compare import Comparison, Row
+    from qinit_cli.stages.estimates import Estimate
+
+MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
+NAMED = ("targets", "sets", "method")  # what a row is of
+UNREMARKED = ("negative_transfer", "remark")  # stand beneath the table for people
+
+
+def columns(metric: str, baseline: str, *, greedy: bool) -> list[TableColumn]:
+    """All of them: the more telling first, for the last are left out where a terminal is too narrow."""
+    return [
+        *(TableColumn(name) for name in NAMED),
+        TableColumn(metric, metric, 4, interval=True),
+        TableColumn("difference", f"minus {baseline}", 4, interval=True),
+        TableColumn("p", "p", 4, dispensable=True),
+        _summary("jumpstart", "first" if greedy else "first 10", 4),
+        _summary("asymptotic", "last 10%", 4),
+        _summary("transfer_ratio", "ratio", 2),
+        _summary("time_to_threshold", "threshold", 0),
+        _summary("regret", "regret", 4),
+        TableColumn("success", digits=3, dispensable=True),
+        TableColumn("restricted_steps", "steps", 1, dispensable=True),
+        _summary("iqm", "IQM", 4),
+        _summary("probability_of_improvement", "P(improve)", 2),
+        _summary("restricted_mean_time_to_threshold", "RMST", 1),
+        TableColumn("censored", digits=3, dispensable=True),
+        *(TableColumn(name) for name in UNREMARKED),
+    ]
+
+
+def chosen(there: list[TableColumn], names: str | None) -> list[TableColumn]:
+    """What a row is of and the columns with these names, separated by commas, in that order; all without names."""
+    if names is None:
+        return there
+    known = {column.key: column for column in there}
+    wanted = [name.strip() for name in names.split(",")]
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        raise UsageError(f"--columns {unknown[0]}: {nearest(unknown[0], list(known))}")
+    return [known[name] for name in dict.fromkeys((*NAMED, *wanted))]
+
+
+def for_people(columns: list[TableColumn]) -> list[TableColumn]:
+    """Those that do not stand in the title or beneath the table."""
+    return [column for column in columns if column.key not in ("targets", "sets", *UNREMARKED)]
+
+
+def caption(comparison: Comparison, metric: str) -> str:
+    """What the intervals are over, who is worse than learning from zero, why a ratio is missing, and what the marks mean."""
+    rows = comparison.rows
+    lines = [comparison.intervals]
+    worse = [row.label for row in rows if row.negative_transfer]
+    if worse:
+        side = "above" if metric == "steps" else "below"
+        lines.append(
+            f"negative transfer: {' and '.join([', '.join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
+            f"{'are' if worse[1:] else 'is'} worse than learning from zero, the whole interval of the difference {side} 0"
+        )
+    if any(row.difference is not None and row.ratio is None for row in rows):
+        lines.append(f"no transfer ratio where the interval of {comparison.baseline} touches 0")
+    lines += [f"{MARKS[remark]} {remark}" for remark in MARKS if any(row.remark == remark for row in rows)]
+    return "\n".join(lines)
+
+
+def rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
+    """The values of each row, by the keys of the columns."""
+    return [_values(row, metric) | {"targets": comparison.title} for row in comparison.rows]
+
+
+def marked(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with its remark as a mark at the method, which the caption explains."""
+    return row | {"method": row["method"] + MARKS.get(row["remark"], "")}
+
+
+def _values(row: Row, metric: str) -> dict[str, Any]:
+    threshold = row.threshold
+    return {
+        "method": row.label,
+        "sets": row.sets,
+        "p": row.p,
+        "success": row.success,
+        "restricted_steps": row.steps,
+        "censored": None if threshold is None else threshold.censored,
+        "negative_transfer": row.negative_transfer,
+        "remark": row.remark,
+        **_bounds(metric, row.average),
+        **_bounds("difference", row.difference),
+        **_bounds("transfer_ratio", row.ratio),
+        **_bounds("jumpstart", row.jumpstart),
+        **_bounds("asymptotic", row.asymptotic),
+        **_bounds("regret", row.regret),
+        **_bounds("iqm", row.iqm),
+        **_bounds("probability_of_improvement", row.improvement),
+        **_bounds("time_to_threshold", None if threshold is None else threshold.median),
+        **_bounds(
+            "restricted_mean_time_to_threshold", None if threshold is None else threshold.restricted_mean
+        ),
+    }
+
+
+def _summary(key: str, heading: str, digits: int) -> TableColumn:
+    """A column whose interval is left out for people."""
+    return TableColumn(key, heading, digits, interval=True, bounds_shown=False, dispensable=True)
+
+
+def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
+    numbers = (math.nan,) * 3 if estimate is None else (estimate.mean, estimate.low, estimate.high)
+    names = (key, f"{key}_low", f"{key}_high")
+    return {
+        name: number if math.isfinite(number) else None for name, number in zip(names, numbers, strict=True)
+    }
