@@ -107,6 +107,13 @@ class Family(Protocol):
         """Whether the path greedy in `q` (B, S, A) from the target start reaches the goal within the horizon, (B,)."""
         ...
 
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """How often the path greedy in `q` (B, S, A) from the target start is in each state, (B, S), both its ends included.
+
+        The path of `solved`: zeros where it does not arrive. NotAllowed where paths cannot be followed.
+        """
+        ...
+
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
         """Whether a task can be solved at all, (B,), given which were: those that cannot teach nothing."""
         ...

@@ -240,6 +240,20 @@ class Gridworld:
         arrives: Flags = (length > 0) & (length <= horizon)
         return arrives
 
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """The cells of the greedy path from the target start, (B, S), 1 on it: each step leads where it most likely does.
+
+        The start and the goal included; zeros where it does not arrive within the horizon.
+        """
+        import numpy as np
+
+        from qinit_cli.kernels import gridworld_exact
+
+        visits = np.empty(q.shape[:2], np.int32)
+        goals, p = self._goals(tasks), tasks["p"].copy()
+        gridworld_exact.greedy_visits(goals, p, self.size, q, horizon, START, visits)
+        return visits
+
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
         """Whether a task can be solved at all, (B,): always, as every cell can be reached."""
         import numpy as np

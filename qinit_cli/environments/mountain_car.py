@@ -192,6 +192,20 @@ class MountainCar:
         arrives: Flags = lengths > 0
         return arrives
 
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """How often the greedy path from the target start is in each bin, (B, S): the car's own state, step by step.
+
+        Its start and where it arrives included; zeros where it does not arrive within the horizon.
+        """
+        import numpy as np
+
+        from qinit_cli.kernels import mountain_car_paths
+
+        visits = np.empty(q.shape[:2], np.int32)
+        eta = tasks["eta"].copy()
+        mountain_car_paths.greedy_visits(eta, self.hill, self.bins, q, horizon, *START, visits)
+        return visits
+
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
         """Whether a task's own greedy path or the energy pump, right if v >= 0 and else left, arrives from the start, (B,)."""
         import numpy as np

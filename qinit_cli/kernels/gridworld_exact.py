@@ -194,3 +194,22 @@ def path_lengths(goal, p, size, q, eopl):  # type: ignore[no-untyped-def]
                     continue
                 rest = steps[_likeliest(moves[cell], action, p[task])]
                 eopl[task, cell, action] = rest + 1 if rest >= 0 else -1
+
+
+@compiled
+def greedy_visits(goal, p, size, q, horizon, start, visits):  # type: ignore[no-untyped-def]
+    """Writes into `visits` i4 (B, S) the cells of each task's likeliest path from `start`, greedy in its own `q`: 1 on it.
+
+    Its first cell and the goal included; zeros where it does not arrive within the horizon.
+    """
+    moves = neighbours(size)
+    for task in range(len(goal)):
+        visits[task, :] = 0
+        cell, left = start, horizon
+        visits[task, cell] = 1
+        while cell != goal[task] and left > 0:
+            cell = _likeliest(moves[cell], np.argmax(q[task, cell]), p[task])
+            visits[task, cell] += 1
+            left -= 1
+        if cell != goal[task]:
+            visits[task, :] = 0

@@ -58,6 +58,29 @@ def greedy_lengths(eta, hill, bins, q, horizon, position, velocity, lengths):
 
 
 @compiled
+def greedy_visits(eta, hill, bins, q, horizon, position, velocity, visits):
+    """Writes into `visits` i4 (B, S) how often the path of each task's own greedy policy is in each bin, its first and its
+    last state included; zeros where it is longer than the horizon."""
+    greedy = np.empty(bins * bins, np.int64)
+    for task in range(len(eta)):
+        for state in range(bins * bins):
+            greedy[state] = np.argmax(q[task, state])
+        visits[task, :] = 0
+        at, speed, arrives = position, velocity, False
+        here = np.int64(bin_of(at, speed, np.float64(bins)))
+        visits[task, here] = 1
+        for _ in range(horizon):
+            at, speed = move(at, speed, PUSHES[greedy[here]], eta[task], hill)
+            here = np.int64(bin_of(at, speed, np.float64(bins)))
+            visits[task, here] += 1
+            if is_done(at, speed):
+                arrives = True
+                break
+        if not arrives:
+            visits[task, :] = 0
+
+
+@compiled
 def pumped_lengths(eta, hill, horizon, position, velocity, lengths):
     """Writes into `lengths` i8 (B,) the steps of the energy pump, right if v >= 0 and else left; NEVER if beyond the horizon."""
     for task in range(len(eta)):

@@ -80,6 +80,8 @@ def _unseen(
         first += len(digests)
         new = np.array([digest not in seen for digest in digests], np.bool_)
         seen.update(digests)
+        if not new.any():
+            continue
         tasks = np.empty(int(new.sum()), np.dtype(parameters))
         for name, _ in parameters:
             tasks[name] = block[name][new]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from qinit_cli.commands.plot import bars, curves, eopl, heatmaps, histograms, normality
+from qinit_cli.commands.plot import bars, car, curves, eopl, heatmaps, histograms, normality, occupancy
 
 
 def add_to(plots: typer.Typer) -> None:
     """Adds one subcommand per picture."""
-    for picture in (heatmaps, histograms, curves, bars, eopl, normality):
+    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality):
         picture.add_to(plots)
