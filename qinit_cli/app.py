@@ -20,6 +20,7 @@ from qinit_cli.commands import (
     fit,
     list_artefacts,
     merge,
+    report,
     salvage,
     sample_size,
     show,
@@ -80,6 +81,7 @@ for module in (
     list_artefacts,
     show,
     export,
+    report,
     verify,
     salvage,
     merge,
@@ -91,7 +93,7 @@ for module in (
     module.add_to(app)
 PANELS = {
     "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare"),
-    "Artefacts": ("list", "show", "plot", "export", "verify", "salvage", "merge"),
+    "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
     "Planning and installation": ("sample-size", "config", "doctor", "bench"),
 }
 for added in (*app.registered_commands, *app.registered_groups):

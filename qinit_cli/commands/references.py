@@ -16,10 +16,12 @@ def many(references: list[str], store: str) -> list[Path]:
     """The paths that the references lead to, in order; stdin is read only for an explicit `-`."""
     from store.catalog import Store
 
-    named: list[str] = []
-    for reference in references:
-        named += _from_stdin() if reference == "-" else [reference]
-    return [_resolved(name, Store(Path(store))) for name in named]
+    return [_resolved(name, Store(Path(store))) for name in listed(references)]
+
+
+def listed(references: list[str]) -> list[str]:
+    """The references, with what stdin brings in the place of `-`."""
+    return [name for reference in references for name in (_from_stdin() if reference == "-" else [reference])]
 
 
 def one(reference: str, store: str) -> Path:

@@ -1,0 +1,74 @@
+"""The order of a page: what was asked, what came out, what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from qinit_cli.report import comparison, judged, origin, settings
+from qinit_cli.report.content import Block, Figure, Page, Pairs, Points, Section, Subheading, Text
+from qinit_cli.report.numbers import counted
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a page is made of, read and drawn by others."""
+
+    title: str
+    question: str
+    made: Sequence[tuple[str, str]]  # how, where that is known as a whole
+    artefacts: Sequence[dict[str, Any]]  # see `origin.Described`; with "spec"
+    compared: Sequence[tuple[str, dict[str, Any]]]  # title, and what qinit compare --format json prints
+    verdicts: Sequence[dict[str, Any]]  # as qinit verdicts --format json has them
+    figures: Sequence[Figure]
+    undrawn: Sequence[str]  # what is not in them, and why
+    absent: Sequence[str]  # what is not among the artefacts, and why
+
+
+def page(material: Material, maker: str) -> Page:
+    """The page; a part that there is nothing for is left out."""
+    sections = [section for section in _sections(material) if section.blocks]
+    return Page(material.title, material.question, sections, maker)
+
+
+def _sections(material: Material) -> Iterator[Section]:
+    yield Section("in-short", "In short", _in_short(material))
+    yield Section("verdicts", "Verdicts", judged.blocks(material.verdicts) if material.verdicts else [])
+    yield Section("comparisons", "Comparisons", list(_compared(material)))
+    missing: list[Block] = [Text("Not drawn:"), Points(material.undrawn)] if material.undrawn else []
+    yield Section("figures", "Figures", [*material.figures, *missing])
+    yield Section("settings", "Settings", settings.blocks([one["spec"] for one in material.artefacts]))
+    yield Section(
+        "provenance",
+        "Provenance and hashes",
+        [*map(Text, material.absent), *origin.blocks(material.artefacts)],
+    )
+
+
+def _compared(material: Material) -> Iterator[Block]:
+    for title, one in material.compared:
+        if title:
+            yield Subheading(title)
+        yield from comparison.tables(one)
+
+
+def _in_short(material: Material) -> list[Block]:
+    found = [
+        *judged.findings(material.verdicts),
+        *(said for _, one in material.compared for said in comparison.findings(one)),
+    ]
+    count = dict.fromkeys(("sources", "fit", "run"), 0)
+    for artefact in material.artefacts:
+        count[artefact["kind"]] += 1
+    names = {"sources": "set", "fit": "fit", "run": "run"}
+    rests = ", ".join(
+        f"{counted(number, names[kind])}{' of sources' if kind == 'sources' else ''}"
+        for kind, number in count.items()
+        if number
+    )
+    return [
+        *([Points(found)] if found else []),
+        Text(f"All of it rests on {rests}."),
+        *([Pairs(material.made)] if material.made else []),
+    ]
