@@ -71,6 +71,7 @@ LATER = {  # commands with many subcommands, made when they are needed
     "train-sources": "Learn source tasks of a family and save their tables; prints the path.",
     "transfer": "Learn target tasks from what a method starts them with; prints the path.",
     "lifelong": "Learn targets one after another; what each learned may be added to what is known; prints the path.",
+    "tune": "Choose a method's parameters by its sources alone, no target being seen.",
     "plot": "Draw pictures from stored artefacts: PNG, SVG or PDF.",
 }
 for name, told in LATER.items():
@@ -94,7 +95,7 @@ for module in (
 PANELS = {
     "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare"),
     "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
-    "Planning and installation": ("sample-size", "config", "doctor", "bench"),
+    "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
 }
 for added in (*app.registered_commands, *app.registered_groups):
     [added.rich_help_panel] = [panel for panel, names in PANELS.items() if added.name in names]  # type: ignore[attr-defined]  # of two classes alike

@@ -26,11 +26,12 @@ def option(
     metavar: str | None = None,
     short: str | None = None,
     panel: str | None = None,
+    grid: tuple[float, ...] = (),
 ) -> Any:
     """A dataclass field that is also a command-line option.
 
     `low` and `high` bound a number (both included); `default_text` tells in the help where a default of None comes from;
-    `short` is a one-letter flag; `panel` the help group, if not that of the whole dataclass.
+    `short` is a one-letter flag; `panel` the help group, if not that of the whole dataclass; `grid` what `qinit tune` tries.
     """
     return dataclasses.field(
         default=default,
@@ -42,6 +43,7 @@ def option(
             "metavar": metavar,
             "short": short,
             "panel": panel,
+            "grid": grid,
         },
     )
 
@@ -54,6 +56,11 @@ def flag(name: str) -> str:
 def options(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
     """The fields of a dataclass that were declared by `option`."""
     return tuple(field for field in dataclasses.fields(owner) if "help" in field.metadata)
+
+
+def tunable(owner: type[Any]) -> dict[str, tuple[float, ...]]:
+    """The options that `qinit tune` can choose, with the values that it tries unless told otherwise."""
+    return {field.name: field.metadata["grid"] for field in options(owner) if field.metadata["grid"]}
 
 
 def check(instance: DataclassInstance) -> None:

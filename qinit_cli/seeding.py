@@ -33,6 +33,11 @@ class Stream(IntEnum):
     OPTIMAL_DICE = 13
     OPTIMAL_START = 14
     OPTIMAL_WORLD = 15
+    TUNING_DICE = 16
+    TUNING_START = 17
+    TUNING_EVALUATION = 18
+    TUNING_CHOICE = 19
+    TUNING_WORLD = 20
 
 
 def sequence(seed: int, stream: Stream, index: int) -> np.random.SeedSequence:

@@ -5,6 +5,7 @@ An artefact's spec contains all that transfer and compare need of the stage befo
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,29 @@ def run(method: Method, targets: TargetTasks, tasks: int, fit: str, fitted: Spec
         "source_set": source_set(fitted),
         "keep_q": targets.keep_q,
         "evaluate_every": targets.evaluate_every,
+    }
+
+
+def tuning(
+    method: Method,
+    grid: Mapping[str, Sequence[float]],
+    targets: TargetTasks,
+    sources: Spec,
+    content: str,
+    tasks: int,
+) -> Spec:
+    """The spec of a choice of parameters: the method as it is by default, the values tried, and how the sources were learned."""
+    return {
+        "kind": "tuning",
+        "algorithm_version": ALGORITHM,
+        "method": _method(method),
+        "grid": {name: list(values) for name, values in grid.items()},
+        "family": _family(targets.family),
+        "learning": asdict(targets.learning),
+        "seed": targets.seed,
+        "tasks": tasks,
+        "inputs": [content],
+        "sources": {name: value for name, value in sources.items() if name != "kind"},
     }
 
 

@@ -20,14 +20,14 @@ from store.spec import Spec, canonical_json, spec_sha256, without_tasks
 if TYPE_CHECKING:
     from store.reading import Description
 
-FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs"}
+FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs", "tuning": "tunings"}
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 SUFFIX = ".h5"
 
 
 @dataclass(frozen=True)
 class Store:
-    """The artefacts under `root`, in the folders sources, fits and runs."""
+    """The artefacts under `root`, in the folders sources, fits, runs and tunings."""
 
     root: Path
 

@@ -21,7 +21,7 @@ from store.errors import Damaged, Refused, StoreError
 from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
 from store.spec import canonical_json, spec_sha256
 
-KINDS = ("sources", "fit", "run")
+KINDS = ("sources", "fit", "run", "tuning")
 
 # What h5py raises on a file that is not as it should be.
 HDF5_TROUBLE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, EOFError)

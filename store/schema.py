@@ -13,6 +13,7 @@ Array = NDArray[Any]
 
 TASK = "task"
 TASK_DIGEST = "task_digest"
+CANDIDATE = "candidate"
 DIGEST_BYTES = 32
 BLOCK_BYTES = 8 * 1024 * 1024
 NO_MOMENTS: Array = np.empty(0, np.int64)
@@ -247,6 +248,22 @@ def run_schema(
     return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
 
 
+def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
+    """What choosing a method's parameters leaves behind: how each source fared as a target under each candidate."""
+    columns = (
+        Column(
+            "average",
+            (TASK, CANDIDATE),
+            "f8",
+            long_name="mean return over the episodes; NaN where it was not tried",
+        ),
+        Column("steps", (TASK,), "i8", "step", "environment steps simulated"),
+        *_keeping(),
+        *(Column(name, (CANDIDATE,), "f8", long_name="parameter of the candidate") for name in parameters),
+    )
+    return Schema("tuning", (_index(CANDIDATE, candidates), _digest_axis()), columns)
+
+
 def missing(schema: Schema, *, part: bool) -> str:
     """The first column its kind must have that `schema` lacks or has otherwise; "" where it has all.
 
@@ -254,6 +271,9 @@ def missing(schema: Schema, *, part: bool) -> str:
     add.
     """
     there = {column.name: column for column in schema.columns}
+    if schema.kind == "tuning":
+        lacking = [one for one in tuning_schema((), 1).columns if not _held(one, there)]
+        return f"{lacking[0].name} over {', '.join(lacking[0].dims)}" if lacking else ""
     table = there.get({"sources": "q", "fit": "mu", "run": "start"}[schema.kind])
     dims = () if table is None else tuple(name for name in table.dims if name != TASK)
     if part and schema.kind == "run":
@@ -287,6 +307,10 @@ def _least(kind: str, dims: tuple[str, ...]) -> tuple[Column, ...]:
         evaluations=0,
         keep_q=False,
     ).columns
+
+
+def _held(wanted: Column, there: dict[str, Column]) -> bool:
+    return wanted.name in there and _serves(there[wanted.name], wanted, False)
 
 
 def _serves(found: Column, wanted: Column, free: bool) -> bool:

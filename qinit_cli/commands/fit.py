@@ -134,7 +134,7 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
             f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
         )
     family = family_of(source.spec)
-    selection, held = stage.hold_out(_selection(source, family, fitting), fitting.holdout)
+    selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
     return Asked(
         family,
         f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
@@ -194,7 +194,7 @@ def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
         yield source.rows(start, min(start + BLOCK, source.task_count))
 
 
-def _selection(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
+def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
     """Which sources are fitted; NotAllowed where they are too few."""
     import numpy as np
 

@@ -22,7 +22,7 @@ UNFINISHED = "unfinished"
 class Listing:
     """Which artefacts are listed."""
 
-    kind: Literal["sources", "fit", "run"] | None = option(
+    kind: Literal["sources", "fit", "run", "tuning"] | None = option(
         None, "Artefacts of this kind alone.", default_text="all"
     )
     name: str = option(

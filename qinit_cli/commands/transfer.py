@@ -13,8 +13,8 @@ from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family, family_of
-from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, option, options
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.fields import check, flag, option, options, tunable
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Initial, Method
 from qinit_cli.nearest import nearest
@@ -78,6 +78,46 @@ class LearningTargets:
             raise UsageError(f"--shift: {error}") from error
 
 
+@dataclass(frozen=True)
+class Tuned:
+    """Where a method's parameters may come from."""
+
+    tuned: str | None = option(
+        None,
+        "Take the parameters that qinit tune chose: its artefact.",
+        metavar="TUNING",
+        default_text="the method's options",
+    )
+
+    def applied(self, method: Method, store: str, family: Family) -> tuple[Method, list[dict[str, str]]]:
+        """The method with what was chosen, and the choice as an input; UsageError where both say something."""
+        if self.tuned is None:
+            return method, []
+        from qinit_cli.commands import references
+        from qinit_cli.stages.tuning import chosen, with_parameters
+        from store.reading import open_artefact
+
+        with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
+            name, parameters = chosen(artefact)
+            drawn = family_of(artefact.spec)
+            given = {"role": "tuning", "name": artefact.path.stem, "content_sha256": artefact.content_sha256}
+        if name != method.name:
+            raise NotAllowed(f"{self.tuned} chose parameters of {name}, not of {method.name}")
+        if drawn != family:
+            raise NotAllowed(
+                f"{self.tuned} chose parameters for {drawn.label}; this fit is of {family.label}: tune its own sources"
+            )
+        clash = [one for one in parameters if getattr(method, one) != getattr(type(method)(), one)]
+        if clash:
+            raise UsageError(
+                f"{flag(clash[0])} and --tuned both say what {clash[0]} is; leave one of them out"
+            )
+        return with_parameters(method, parameters), [given]
+
+
+NOT_TUNED = Tuned()
+
+
 def learning_group() -> Group:
     """How targets are learned, as options."""
     return Group(LearningTargets, "Targets", _defaults())
@@ -93,6 +133,7 @@ def add_to(methods: typer.Typer) -> None:
             transfer,
             {
                 "method": Group(method, "Method"),
+                **({"tuned": Group(Tuned, "Method")} if tunable(method) else {}),
                 "learning": targets,
                 "output": OUTPUT,
                 "work": WORK,
@@ -115,7 +156,13 @@ def _defaults() -> dict[str, str]:
 
 
 def transfer(
-    fit: str, method: Method, learning: LearningTargets, output: Output, work: Work, display: Display
+    fit: str,
+    method: Method,
+    learning: LearningTargets,
+    output: Output,
+    work: Work,
+    display: Display,
+    tuned: Tuned = NOT_TUNED,
 ) -> None:
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
     from qinit_cli.commands import references
@@ -125,17 +172,19 @@ def transfer(
     from qinit_cli.stages.knowledge import Knowledge
 
     known = Knowledge.read(references.one(fit, output.store))
+    method, choice = tuned.applied(method, output.store, known.family)
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)
     _say_limits(method, known.fit, targets.family, display)
     tables = OptimalTables(targets, count, known.learning, output, work, display)
     initial = method.initial(known.fit, targets.targets(count, tables))
-    plan = plan_of(method, targets, initial, count, known, tables.inputs)
+    inputs = [*choice, *tables.inputs]
+    plan = plan_of(method, targets, initial, count, known, inputs)
     if output.dry_run:
         episodes = targets.learning.episodes
         tried = trial_episodes(episodes)
         fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = plan_of(method, fewer, initial, min(count, TRIAL_TASKS), known, tables.inputs)
+        trial = plan_of(method, fewer, initial, min(count, TRIAL_TASKS), known, inputs)
         say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
@@ -173,14 +222,14 @@ def plan_of(
     initial: Initial,
     count: int,
     known: Knowledge,
-    tables: list[dict[str, str]],
+    more: list[dict[str, str]],
 ) -> Plan:
-    """The run of so many targets from what the method starts them with; `tables` are inputs beside the fit."""
+    """The run of so many targets from what the method starts them with; `more` are inputs beside the fit."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.transfer import learn_targets, statics
 
-    inputs = [known.given, *tables]
+    inputs = [known.given, *more]
     return Plan(
         stem=stem_of(method, targets, count),
         spec=specs.run(method, targets, count, known.content_sha256, known.spec),

@@ -26,6 +26,7 @@ class LogQInitQuantile(Initialisation):
         "Share of the distribution below the start; the default is one sigma below.",
         low=0,
         high=1,
+        grid=(0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7),
     )
 
     name: ClassVar[str] = "logqinit-quantile"

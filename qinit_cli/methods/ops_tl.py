@@ -29,8 +29,20 @@ class OpsTl(Plus):
     psi0: float = option(
         1.0, "Chance of following the policy at the first step of the first episode.", low=0, high=1
     )
-    rho: float = option(0.99, "Factor on that chance from episode to episode.", low=0, high=1)
-    nu: float = option(0.98, "Factor on that chance from step to step within an episode.", low=0, high=1)
+    rho: float = option(
+        0.99,
+        "Factor on that chance from episode to episode.",
+        low=0,
+        high=1,
+        grid=(0.9, 0.97, 0.99, 0.999, 1.0),
+    )
+    nu: float = option(
+        0.98,
+        "Factor on that chance from step to step within an episode.",
+        low=0,
+        high=1,
+        grid=(0.9, 0.98, 0.995, 1.0),
+    )
     explore_while_following: bool = option(False, "Explore with epsilon while following, as the others do.")
 
     name: ClassVar[str] = "ops-tl"

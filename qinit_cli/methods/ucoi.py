@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 class Ucoi(Initialisation):
     """UCOI, a reconstruction: between mean and max by how many sources agree how closely."""
 
-    kappa: float = option(10.0, "Sources at which confidence in their mean is one half.", low=0)
+    kappa: float = option(
+        10.0,
+        "Sources at which confidence in their mean is one half.",
+        low=0,
+        grid=(0.0, 1.0, 3.0, 10.0, 30.0, 100.0),
+    )
     # by its own formula: without a source confidence is 0, which leaves the maximum
     fallback: Literal["zero", "largest"] = option(
         "largest", "What stands where no source knows a pair: 0, or the largest value of the table."

@@ -26,6 +26,7 @@ TABLES = {
         "evaluations": "eval_return",
         "final": "q",
     },
+    "tuning": {"averages": "average"},
 }
 OUR_TASK_COLUMNS = {
     "solved",
@@ -33,6 +34,10 @@ OUR_TASK_COLUMNS = {
     "seconds",
     "v_star",
     "v_eps",
+    "added",
+    "log_std",
+    "moves",
+    "frozen",
 }  # the others are what the task was drawn as
 DIGEST = "task_digest"
 
@@ -123,8 +128,8 @@ def _plural(kind: str) -> str:
 
 
 def drawn(schema: Schema, dim: str) -> list[Column]:
-    """What belongs to each entry of an axis: the parameters of a task, the source of a library table."""
-    if dim not in ("task", "library"):
+    """What belongs to each entry of an axis: the parameters of a task or candidate, the source of a library table."""
+    if dim not in ("task", "library", "candidate"):
         return []
     return [
         column for column in schema.columns if column.dims == (dim,) and column.name not in OUR_TASK_COLUMNS

@@ -34,6 +34,8 @@ def show(artefact: Artefact) -> Shown:
             return _sources(artefact)
         case "fit":
             return _fit(artefact)
+        case "tuning":
+            return _tuning(artefact)
         case _:
             return _run(artefact)
 
@@ -130,6 +132,26 @@ def _fit(artefact: Artefact) -> Shown:
         numbers |= {"median_least": float(known.min()), "median_most": float(known.max())}
     best = np.where(np.isfinite(median), median, -np.inf).max(axis=-1)
     return Shown(numbers, np.where(np.isfinite(best), best, np.nan))
+
+
+def _tuning(artefact: Artefact) -> Shown:
+    import numpy as np
+
+    from qinit_cli.stages.tuning import judged
+
+    average = artefact.read("average")
+    parameters = {name: artefact.read(name) for name in artefact.spec["grid"]}
+    [best] = [one for one in judged(average, parameters, int(artefact.spec["seed"])) if one.chosen]
+    numbers: dict[str, int | float | str] = {
+        "sources": int((~np.isnan(average).any(axis=1)).sum()),
+        "candidates": average.shape[1],
+        **best.parameters,
+        "average_return": best.average,
+        "difference": best.difference,
+        "difference_low": best.difference_low,
+        "difference_high": best.difference_high,
+    }
+    return Shown(numbers, np.empty(0))
 
 
 def _run(artefact: Artefact) -> Shown:

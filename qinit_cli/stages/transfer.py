@@ -20,6 +20,37 @@ MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a lo
 
 
 @dataclass(frozen=True)
+class Streams:
+    """Where the chance of a task that is learned as a target comes from."""
+
+    task: Stream
+    dice: Stream
+    start: Stream
+    evaluation: Stream
+    choice: Stream
+    world: Stream
+
+
+TARGETS = Streams(
+    Stream.TARGET_TASK,
+    Stream.TARGET_DICE,
+    Stream.TARGET_START,
+    Stream.TARGET_EVALUATION,
+    Stream.TARGET_CHOICE,
+    Stream.TARGET_WORLD,
+)
+# sources in the place of targets: what is chosen by them has seen no target and none of the targets' dice
+STAND_INS = Streams(
+    Stream.SOURCE_TASK,
+    Stream.TUNING_DICE,
+    Stream.TUNING_START,
+    Stream.TUNING_EVALUATION,
+    Stream.TUNING_CHOICE,
+    Stream.TUNING_WORLD,
+)
+
+
+@dataclass(frozen=True)
 class TargetTasks:
     """Which target tasks, how they are learned, and what is kept of them."""
 
@@ -29,6 +60,7 @@ class TargetTasks:
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
     keep_visits: bool = False
+    streams: Streams = TARGETS
 
     @property
     def evaluations(self) -> int:
@@ -52,7 +84,7 @@ class TargetTasks:
 
     def draw(self, indices: Integers) -> Tasks:
         """The tasks at these indices, (B,)."""
-        return draw_tasks(self.family, self.seed, Stream.TARGET_TASK, indices)
+        return draw_tasks(self.family, self.seed, self.streams.task, indices)
 
 
 def learn_targets(
@@ -69,14 +101,14 @@ def learn_targets(
     tasks = targets.draw(indices)
     own = initial.of(indices)
     learned = learn(
-        family.worlds(tasks, sequences(targets.seed, Stream.TARGET_WORLD, indices)),
+        family.worlds(tasks, sequences(targets.seed, targets.streams.world, indices)),
         learning,
         Start(own.start, own.potential if own.potential.any() else None, own.policies, own.hypotheses),
         Chance(
-            dice=lane_seeds(sequences(targets.seed, Stream.TARGET_DICE, indices)),
-            starts=seeds(sequences(targets.seed, Stream.TARGET_START, indices)),
-            evaluation=seeds(sequences(targets.seed, Stream.TARGET_EVALUATION, indices)),
-            choices=seeds(sequences(targets.seed, Stream.TARGET_CHOICE, indices)),
+            dice=lane_seeds(sequences(targets.seed, targets.streams.dice, indices)),
+            starts=seeds(sequences(targets.seed, targets.streams.start, indices)),
+            evaluation=seeds(sequences(targets.seed, targets.streams.evaluation, indices)),
+            choices=seeds(sequences(targets.seed, targets.streams.choice, indices)),
         ),
         Records(
             bins=learning.episodes,
