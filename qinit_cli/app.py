@@ -73,6 +73,7 @@ LATER = {  # commands with many subcommands, made when they are needed
     "lifelong": "Learn targets one after another; what each learned may be added to what is known; prints the path.",
     "tune": "Choose a method's parameters by its sources alone, no target being seen.",
     "plot": "Draw pictures from stored artefacts: PNG, SVG or PDF.",
+    "reproduce": "Reproduce the paper: make what its figures need and draw them; prints the folder.",
 }
 for name, told in LATER.items():
     add_later(app, name, f"qinit_cli.commands.{name.replace('-', '_')}", told)
@@ -95,6 +96,7 @@ for module in (
 PANELS = {
     "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare"),
     "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
+    "The paper": ("reproduce",),
     "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
 }
 for added in (*app.registered_commands, *app.registered_groups):

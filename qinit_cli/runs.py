@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ class Run:
     evaluation_reached: Flags | None  # (T, V) likewise
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
     unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
+    drawn: tuple[NDArray[Any], ...] = ()  # (T,) each of the targets' ids and parameters
 
     @property
     def gamma(self) -> float:
@@ -55,6 +57,23 @@ class Run:
     def fitted(self) -> dict[str, Any]:
         """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
         return {name: value for name, value in self.spec["source_set"].items() if name != "sources"}
+
+    def first(self, count: int) -> Run:
+        """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""
+        if count > len(self.steps):
+            raise NotAllowed(f"{self.name} has {len(self.steps)} targets; {count} are needed")
+        drawn = tuple(values[:count] for values in self.drawn)
+        return replace(
+            self,
+            steps=self.steps[:count],
+            reached=self.reached[:count],
+            attainable=None if self.attainable is None else self.attainable[:count],
+            v_star=None if self.v_star is None else self.v_star[:count],
+            evaluation_steps=None if self.evaluation_steps is None else self.evaluation_steps[:count],
+            evaluation_reached=None if self.evaluation_reached is None else self.evaluation_reached[:count],
+            drawn=drawn,
+            target_digest=_target_digest(self.spec, drawn),
+        )
 
     def greedy(self) -> Run:
         """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
@@ -82,6 +101,7 @@ class Run:
         there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached"))
         wanted = ("steps", "reached", *parameters, *there)
         rows = artefact.columns(wanted)
+        drawn = (artefact.tasks, *(rows[name] for name in parameters))
         return cls(
             name=artefact.path.stem,
             method=spec["method"]["name"],
@@ -93,11 +113,12 @@ class Run:
             v_star=rows.get("v_star"),
             evaluation_steps=rows.get("eval_steps"),
             evaluation_reached=rows["eval_reached"].astype(bool) if "eval_reached" in names else None,
-            target_digest=_target_digest(spec, [artefact.tasks, *(rows[name] for name in parameters)]),
+            target_digest=_target_digest(spec, drawn),
+            drawn=drawn,
         )
 
 
-def _target_digest(spec: dict[str, Any], drawn: list[NDArray[Any]]) -> str:
+def _target_digest(spec: dict[str, Any], drawn: Sequence[NDArray[Any]]) -> str:
     """SHA-256 of what makes targets the same to every method: the draws, the dice's seed, and how a return is counted."""
     from store.spec import canonical_json
 

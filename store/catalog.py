@@ -6,9 +6,11 @@ h5py is imported where files are read, so that names can be completed without it
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,7 +76,7 @@ class Store:
         wanted = canonical_json(without_tasks(spec))
         found = [
             entry
-            for entry in map(_description, sorted((self.root / FOLDERS[kind]).glob(f"[!.]*{SUFFIX}")))
+            for entry in map(_known_description, sorted((self.root / FOLDERS[kind]).glob(f"[!.]*{SUFFIX}")))
             if entry.state == "done"
             and entry.kind == kind
             and canonical_json(without_tasks(entry.spec)) == wanted
@@ -112,6 +114,20 @@ def _description(path: Path) -> Description:
         return replace(_nothing_known(path), state="damaged", problem=str(damage))
     except StoreError as trouble:
         return replace(_nothing_known(path), state="unreadable", problem=str(trouble))
+
+
+def _known_description(path: Path) -> Description:
+    """The same, read once while the file stands there: whoever makes many artefacts looks for relatives of each."""
+    try:
+        there = os.lstat(path)
+    except FileNotFoundError:
+        return _description(path)
+    return _immutable(path, there.st_ino, there.st_mtime_ns, there.st_size)
+
+
+@lru_cache(maxsize=65_536)
+def _immutable(path: Path, *which: int) -> Description:
+    return _description(path)
 
 
 def _unfinished(work: Path) -> Description:

@@ -13,6 +13,7 @@ import pytest
 
 README = Path(__file__).parents[1] / "README.md"
 QINIT = Path(sys.executable).with_name("qinit")
+TINY = Path(__file__).parent / "commands" / "reproduce" / "tiny.py"
 PICTURE_BYTES = 5_000
 
 # what a command asks for itself comes later on its line, and wins
@@ -21,6 +22,7 @@ case "$1 $2 $*" in
     "train-sources gridworld"*exact*) shift 2; set -- train-sources gridworld --size 6 "$@";;
     "train-sources gridworld"*) shift 2; set -- train-sources gridworld --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
+    reproduce*) exec {sys.executable} {TINY} "$@" --scale quick;;
     transfer*-h) ;;
     transfer*) method=$2; shift 2; set -- transfer "$method" --tasks 4 --episodes 40 "$@";;
 esac

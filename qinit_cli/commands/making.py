@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -128,14 +129,21 @@ def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -
 
 def provenance(read: Path | None = None, command: Sequence[str] = ()) -> dict[str, str]:
     """The command that makes this artefact, as typed with `-` replaced by what was read; time, versions and platform."""
-    import platform
-    from importlib.metadata import version
-
     words = command or sys.argv[1:]
     typed = [str(read) if argument == "-" and read is not None else argument for argument in words]
     return {
         "command": shlex.join(["qinit", *typed]),
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        **_surroundings(),
+    }
+
+
+@cache
+def _surroundings() -> dict[str, str]:
+    import platform
+    from importlib.metadata import version
+
+    return {
         "qinit": __version__,
         **{package: version(package) for package in ("numpy", "scipy", "h5py", "numba")},
         "python": platform.python_version(),

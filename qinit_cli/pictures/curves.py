@@ -31,18 +31,24 @@ def drawn(
     title: str | None = None,
     width: float = COLUMN,
 ) -> Drawn:
-    """The metric over episodes, each point the mean of the last `smooth`, over source sets and targets."""
+    """The metric over episodes, each point the mean of the last `smooth`, over source sets and targets.
+
+    Runs that met only the first of the others' targets are drawn beside them and labelled so, as `optimal` where its tables
+    are costly.
+    """
     from qinit_cli.environments import family_of
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
     from qinit_cli.stages.source_sets import grouped
 
-    groups = grouped(runs)
-    if len(groups) > 1:
+    group, *others = sorted(grouped(runs), key=lambda group: -len(group.any_run.steps))
+    if not all(_met_the_first(other.any_run, group.any_run) for other in others):
         raise NotAllowed("these runs did not meet the same targets; draw those that did, one picture each")
-    [group] = groups
     lines = [_curve(entry, group, metric, smooth) for entry in group.entries]
+    for other in others:
+        few = f", first {len(other.any_run.steps)} targets"
+        lines += [_curve(entry, other, metric, smooth, few) for entry in other.entries]
     own = family_of(group.any_run.spec).label
     with house_style():
         figure = drawing.curves(
@@ -62,7 +68,13 @@ def _band_words(group: Group) -> str:
     return f"95 %, {sets}{targets} targets{'' if group.shared else ' of each'}"
 
 
-def _curve(entry: Entry, group: Group, metric: Metric, smooth: int) -> Curve:
+def _met_the_first(run: Run, of: Run) -> bool:
+    """Whether the run's targets are the first of those of another."""
+    count = len(run.steps)
+    return count < len(of.steps) and of.first(count).target_digest == run.target_digest
+
+
+def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: str = "") -> Curve:
     import numpy as np
 
     from qinit_cli.analysis import returns
@@ -72,7 +84,7 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int) -> Curve:
     curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))
     values = np.stack([each[:, shown] for each in curves])
-    return Curve(marked(entry.label, entry.method), shown + 1, _band(values, group))
+    return Curve(marked(entry.label, entry.method) + addition, shown + 1, _band(values, group))
 
 
 def _band(values: Floats, group: Group) -> Interval:

@@ -1,0 +1,106 @@
+"""`qinit reproduce`: the paper's figures, from what is in the store as far as it is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import typer
+
+from qinit_cli.commands.build import Group, add_command
+from qinit_cli.commands.groups import DISPLAY, Display, store_option
+from qinit_cli.experiments import TARGETS
+from qinit_cli.fields import check, option
+
+SHOWS = {
+    "fig4": "Figure 4: heatmaps of what each initialisation starts from.",
+    "fig5": "Figure 5: histograms of Q and ln Q on the gridworld, and where ln Q is normal.",
+    "fig6": "Figure 6: the gridworld's learning curves, and bars over distributions of goals.",
+    "fig7": "Figure 7: the states on Mountain Car's optimal paths.",
+    "fig8": "Figure 8: Mountain Car's path lengths, with the noise floor.",
+    "fig9": "Figure 9: Mountain Car's learning curves, and bars over noise levels.",
+    "fig10": "Figure 10: histograms of Q and ln Q on Mountain Car.",
+    "figA1": "Figure A1: the car, its hills and the push.",
+    "figA2": "Figure A2: learning curves on every distribution of the gridworld.",
+    "figA3": "Figure A3: learning curves on every noise level of Mountain Car.",
+    "gridworld": "Every figure of the gridworld: 4, 5, 6, A2.",
+    "mountain-car": "Every figure of Mountain Car: 7 to 10, A1, A3.",
+    "all": "Every figure of the paper's experiments.",
+}
+
+
+@dataclass(frozen=True)
+class Reproducing:
+    """How large, and from how many source sets."""
+
+    scale: Literal["paper", "quick"] = option(
+        "paper", "The paper's sizes, or small ones that take some minutes for everything; pictures say which."
+    )
+    source_sets: int = option(
+        1, "Independent source sets, of seeds 0 to N-1; targets are shared.", low=1, metavar="N"
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Into:
+    """Where pictures and artefacts go, and what is told."""
+
+    output: str | None = option(
+        None,
+        "The folder of pictures, tables and the manifest.",
+        short="-o",
+        metavar="DIR",
+        default_text="reproduction-FIGURE-SCALE",
+    )
+    store: str = store_option()
+    force: bool = option(False, "Replace a reproduction of other settings in that folder.")
+    wait: bool = option(False, "Wait while another process writes the same artefact.")
+    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
+    json: bool = option(False, "Print one JSON object instead of the folder.")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """How much of the machine is used; no number depends on it."""
+
+    jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+GROUPS = {
+    "asked": Group(Reproducing, "Size"),
+    "into": Group(Into, "Files"),
+    "machine": Group(Machine, "Machine"),
+    "display": DISPLAY,
+}
+
+
+def add_to(targets: typer.Typer) -> None:
+    """Adds one subcommand per figure, per environment, and for all."""
+    for name in TARGETS:
+        add_command(targets, name, partial(reproduce, name), GROUPS, help=SHOWS[name])
+
+
+def reproduce(target: str, asked: Reproducing, into: Into, machine: Machine, display: Display) -> None:
+    """Makes what is missing, draws it, and prints the folder."""
+    from qinit_cli.commands.groups import Output, Work
+    from qinit_cli.commands.reproduce.reproduction import Reproduction
+
+    output = Output(store=into.store, wait=into.wait, dry_run=into.dry_run, json=into.json)
+    reproduction = Reproduction(
+        target,
+        asked.scale,
+        asked.source_sets,
+        into.output or f"reproduction-{target}-{asked.scale}",
+        into.force,
+        output,
+        Work(jobs=machine.jobs),
+        display,
+    )
+    reproduction.run()

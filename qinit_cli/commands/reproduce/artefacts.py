@@ -1,0 +1,165 @@
+"""Artefacts of experiments: where each belongs in the store, whether it stands there, and making it as the plain commands do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.commands.groups import Display, Output, Work
+from qinit_cli.commands.reproduce.words import fit_command, run_command, sources_command
+from qinit_cli.errors import TasksFailed
+from qinit_cli.experiments import Artefact, Fit, Run, Sources
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.commands.making import Bar, Made, Plan
+    from qinit_cli.stages.knowledge import Knowledge
+    from qinit_cli.stages.transfer import TargetTasks
+
+
+def ordered(artefacts: Iterable[Artefact]) -> tuple[Artefact, ...]:
+    """These artefacts and all that they are made from, each once: sources, their fit, and all its runs, set after set."""
+    needed: dict[Sources, dict[Fit, dict[Run, None]]] = {}
+    for artefact in artefacts:
+        match artefact:
+            case Sources():
+                needed.setdefault(artefact, {})
+            case Fit():
+                needed.setdefault(artefact.sources, {}).setdefault(artefact, {})
+            case Run():
+                fits = needed.setdefault(artefact.fit.sources, {})
+                fits.setdefault(artefact.fit, {})[artefact] = None
+    in_order: list[Artefact] = []
+    for sources, fits in needed.items():
+        in_order.append(sources)
+        for fit, runs in fits.items():
+            in_order += [fit, *runs]
+    return tuple(in_order)
+
+
+def inputs(artefact: Artefact) -> tuple[Artefact, ...]:
+    """What it is made of."""
+    match artefact:
+        case Sources():
+            return ()
+        case Fit():
+            return (artefact.sources,)
+        case Run():
+            return (artefact.fit,)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an artefact belongs."""
+
+    path: Path
+    spec: Mapping[str, Any]
+
+    @property
+    def complete(self) -> bool:
+        """Whether it stands there, whole and with these settings."""
+        from store.errors import StoreError
+        from store.reading import describe
+        from store.spec import canonical_json
+
+        if not self.path.is_file():
+            return False
+        try:
+            there = describe(self.path)
+        except StoreError:
+            return False
+        same = canonical_json(there.spec) == canonical_json(self.spec)
+        return same and there.tasks == self.spec.get("tasks", there.tasks)
+
+
+@dataclass
+class Maker:
+    """Finds and makes artefacts in one store."""
+
+    output: Output
+    work: Work
+    display: Display
+    _read: Knowledge | None = None  # the fit that was read last: runs of one fit follow each other
+
+    def place(self, artefact: Artefact, paths: Mapping[Artefact, Path]) -> Place:
+        """Where it belongs, given the `paths` of what it is made from, which must stand there."""
+        from qinit_cli import specs
+        from qinit_cli.commands import fit as fitting
+        from qinit_cli.commands.making import place, target_path
+        from qinit_cli.commands.transfer import stem_of
+        from store.reading import describe
+
+        match artefact:
+            case Sources():
+                plan = sources_plan(artefact)
+                return Place(place(plan, self.output, self.work), plan.spec)
+            case Fit():
+                return Place(*fitting.place(paths[artefact.sources], artefact.options, self.output))
+            case Run():
+                fit = describe(paths[artefact.fit])
+                targets = targets_of_run(artefact, fit.spec)
+                spec = specs.run(artefact.method, targets, artefact.tasks, fit.content_sha256, fit.spec)
+                stem = stem_of(artefact.method, targets, artefact.tasks)
+                return Place(target_path(self.output, "run", stem, spec), spec)
+
+    def make(self, artefact: Artefact, paths: Mapping[Artefact, Path], bar: Bar) -> Made:
+        """The artefact, made as far as it is missing; TasksFailed where a task failed."""
+        from qinit_cli.commands.making import make, provenance
+
+        match artefact:
+            case Sources():
+                plan = replace(sources_plan(artefact), command=sources_command(artefact, self.output.store))
+                made = make(plan, self.output, self.work, self.display, bar)
+            case Fit():
+                from qinit_cli.commands.fit import make_fit
+
+                sources = paths[artefact.sources]
+                origin = provenance(command=fit_command(artefact, sources, self.output.store))
+                made, _, _ = make_fit(sources, artefact.options, self.output, origin)
+            case Run():
+                made = self._run(artefact, paths[artefact.fit], bar)
+        if made.tally.failed:
+            raise TasksFailed(
+                f"{made.tally.failed} of {made.tally.tasks} tasks of {made.path} failed, the rest are saved; the same "
+                "command tries them again"
+            )
+        return made
+
+    def _run(self, run: Run, fit: Path, bar: Bar) -> Made:
+        from qinit_cli.commands.making import make
+        from qinit_cli.commands.optimal_tables import OptimalTables
+        from qinit_cli.commands.transfer import plan_of
+
+        known, command = self._knowledge(fit), run_command(run, fit, self.output.store)
+        targets = targets_of_run(run, known.spec)
+        tables = OptimalTables(
+            targets, run.tasks, known.learning, self.output, self.work, self.display, command, bar
+        )
+        initial = run.method.initial(known.fit, targets.targets(run.tasks, tables))
+        plan = plan_of(run.method, targets, initial, run.tasks, known, tables.inputs)
+        return make(replace(plan, command=command), self.output, self.work, self.display, bar)
+
+    def _knowledge(self, fit: Path) -> Knowledge:
+        from qinit_cli.stages.knowledge import Knowledge
+
+        if self._read is None or self._read.path != fit:
+            self._read = Knowledge.read(fit)
+        return self._read
+
+
+def sources_plan(sources: Sources) -> Plan:
+    """The artefact of these sources, as `qinit train-sources` makes it."""
+    from qinit_cli.commands.train_sources import LearningSources, plan_of, tasks_of
+
+    learning = LearningSources(tasks=sources.tasks, seed=sources.seed, episodes=sources.episodes)
+    return plan_of(tasks_of(sources.family, learning), sources.tasks)
+
+
+def targets_of_run(run: Run, fitted: dict[str, Any]) -> TargetTasks:
+    """Its targets, as `qinit transfer` has them, given the spec of the fit."""
+    from qinit_cli.commands.transfer import LearningTargets, targets_of
+
+    targets, _ = targets_of(LearningTargets(tasks=run.tasks, episodes=run.episodes), fitted)
+    return targets

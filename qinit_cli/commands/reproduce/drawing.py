@@ -1,0 +1,102 @@
+"""Pictures and tables of an experiment, made of its artefacts and written into the reproduction's folder."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli import __version__
+from qinit_cli.experiments import Artefact, Picture, Run, Table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.runs import Run as Read
+
+KEPT = 200  # runs: a megabyte each at the paper's size
+
+
+@dataclass
+class Drawing:
+    """Draws what stands in the store."""
+
+    paths: Mapping[Artefact, Path]
+    _runs: dict[Run, Read] = field(default_factory=dict)  # those read last
+
+    def picture(self, picture: Picture) -> Drawn:
+        """The picture, at text width."""
+        from qinit_cli.figures.style import TEXT
+        from qinit_cli.pictures import (
+            bars,
+            car,
+            curves,
+            eopl,
+            heatmaps,
+            histograms,
+            normality,
+            occupancy,
+        )
+
+        paths = [self.paths[artefact] for artefact in picture.artefacts]
+        titled: dict[str, Any] = {"title": picture.title, "width": TEXT}
+        match picture.kind:
+            case "heatmaps":
+                return heatmaps.drawn(paths, **titled)
+            case "histograms":
+                return histograms.drawn(paths[0], **titled)
+            case "normality":
+                return normality.drawn(paths[0], **titled)
+            case "occupancy":
+                return occupancy.drawn(paths, **titled)
+            case "eopl":
+                return eopl.drawn(paths, **titled)
+            case "car":
+                return car.drawn(paths[0], **titled)
+            case "bars":
+                return bars.drawn(self.runs(picture.artefacts), **titled)
+            case "curves":
+                return curves.drawn(self.runs(picture.artefacts), **titled)
+
+    def table(self, table: Table) -> dict[str, Any]:
+        """What `qinit compare --format json` prints of these runs."""
+        from qinit_cli.commands.compare import Comparing, told
+        from qinit_cli.stages import compare as stage
+
+        comparing = Comparing()
+
+        runs = self.runs(table.runs)
+        if table.first is not None:
+            runs = [run.first(table.first) for run in runs]
+        return told(stage.compare(runs, comparing.baseline, comparing.metric), comparing.metric)
+
+    def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
+        """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
+        from qinit_cli.runs import Run as Reader
+        from store.reading import open_artefact
+
+        for artefact in artefacts:
+            if isinstance(artefact, Run) and artefact not in self._runs:
+                with open_artefact(self.paths[artefact], "run") as opened:
+                    self._runs[artefact] = Reader.from_artefact(opened)
+        wanted = [artefact for artefact in artefacts if isinstance(artefact, Run)]
+        found = [self._runs[artefact] for artefact in wanted]
+        while len(self._runs) > max(KEPT, len(wanted)):
+            del self._runs[next(iter(self._runs))]
+        return found
+
+
+def file_of(shown: Picture | Table) -> str:
+    """The name of its file; a picture has a PNG beside it."""
+    return f"{shown.name}.svg" if isinstance(shown, Picture) else f"{shown.name}.json"
+
+
+def made_of(shown: Picture | Table, digests: Mapping[Artefact, str]) -> str:
+    """SHA-256 of all that decides how a picture or table looks: its settings, its artefacts' content and this version."""
+    from store.spec import canonical_json
+
+    words = [shown.name, shown.title, shown.kind if isinstance(shown, Picture) else shown.first]
+    told = [__version__, *words, *(digests[artefact] for artefact in shown.artefacts)]
+    return hashlib.sha256(canonical_json(told).encode()).hexdigest()

@@ -1,0 +1,112 @@
+"""What artefacts would take: from how fast this machine learns in a short trial, and how long episodes are by experience."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+from qinit_cli.commands.reproduce.artefacts import sources_plan
+from qinit_cli.experiments import Artefact, Fit, Run, Sources
+
+if TYPE_CHECKING:
+    from qinit_cli.environments import Family
+
+TRIAL_TASKS = 32  # as many as workers learn together
+TRIAL_EPISODES = {"gridworld": 400, "mountain-car": 60}  # a fifth of a second each
+
+# Steps an episode takes, measured at the paper's sizes: Mountain Car's sources by noise, targets by what they start from.
+SOURCE_STEPS: Mapping[str, Sequence[tuple[float, float]]] = {
+    "gridworld": [(0.0, 66.0)],
+    "mountain-car": [(0.0002, 103.0), (0.005, 111.0), (0.01, 180.0), (0.015, 262.0), (0.02, 310.0)],
+}
+STARTED = "started by sources"
+TARGET_STEPS: Mapping[str, Mapping[str, float]] = {
+    "gridworld": {"zero": 165, "optimal": 65, "ptrs": 135, "drs": 115, "ops-tl": 150, STARTED: 150},
+    "mountain-car": {"zero": 995, "optimal": 170, "ptrs": 240, "drs": 850, "ops-tl": 600, STARTED: 220},
+}
+# of the speed at which sources are learned: shorter runs, starts that are read from memory, policies that are chosen
+TARGET_SPEED = {"ops-tl": 0.45}
+USUAL_TARGET_SPEED = 0.8
+
+# Seconds beside the learning, on one core.
+SOURCES_OVERHEAD, FIT_SECONDS, RUN_OVERHEAD, PICTURE_SECONDS = 0.3, 0.7, 0.1, 1.5
+
+# Bytes on disk, a state-action: of a source task, of a table in a fit's library, of a start in a run; of an episode in a run.
+SOURCE_BYTES, LIBRARY_BYTES, START_BYTES, EPISODE_BYTES = 15.5, 14.0, 7.0, 2.3
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What something takes."""
+
+    steps: float = 0.0
+    seconds: float = 0.0  # on the clock
+    bytes: float = 0.0
+
+    def __add__(self, other: Expected) -> Expected:
+        return Expected(self.steps + other.steps, self.seconds + other.seconds, self.bytes + other.bytes)
+
+
+def expected(missing: Iterable[Artefact], jobs: int) -> dict[Artefact, Expected]:
+    """What each of the missing artefacts would take with so many jobs."""
+    return {artefact: _expected(artefact, jobs) for artefact in missing}
+
+
+def _expected(artefact: Artefact, jobs: int) -> Expected:
+    match artefact:
+        case Sources(family):
+            steps = _source_steps(artefact)
+            seconds = steps / _speed(type(family)) / jobs + SOURCES_OVERHEAD
+            return Expected(steps, seconds, SOURCE_BYTES * _entries(family) * artefact.tasks)
+        case Fit(sources):
+            library = min(artefact.options.library, sources.tasks) + 12  # and twelve tables of moments
+            return Expected(0.0, FIT_SECONDS, LIBRARY_BYTES * _entries(sources.family) * library)
+        case Run():
+            return _run(artefact, jobs)
+
+
+def _run(run: Run, jobs: int) -> Expected:
+    family, method = run.family, run.method
+    started = getattr(method, "init", "zero") != "zero"
+    table = TARGET_STEPS[family.name]
+    steps = table[STARTED if started else method.name if method.name in table else STARTED]
+    steps *= run.tasks * run.episodes
+    speed = _speed(type(family)) * TARGET_SPEED.get(method.name, USUAL_TARGET_SPEED)
+    starts = run.tasks if method.privileged else 1
+    size = START_BYTES * _entries(family) * starts + EPISODE_BYTES * run.tasks * run.episodes
+    whole = Expected(steps, steps / speed / jobs + RUN_OVERHEAD, size)
+    if method.name != "optimal" or family.tabular:
+        return whole
+    own = replace(run.fit.sources, tasks=run.tasks)  # the targets' tables are learned as sources are
+    return whole + _expected(own, jobs)
+
+
+def _source_steps(sources: Sources) -> float:
+    import numpy as np
+
+    family = sources.family
+    levels, steps = zip(*SOURCE_STEPS[family.name], strict=True)
+    an_episode = float(np.interp(getattr(family, "noise", 0.0), levels, steps))
+    return an_episode * sources.tasks * sources.episodes
+
+
+def _entries(family: Family) -> int:
+    import math
+
+    return math.prod(family.shape) * len(family.actions)
+
+
+@cache
+def _speed(kind: type[Family]) -> float:
+    """Steps a second of one core, from a short trial of the family's own sources; one for all its distributions."""
+    import numpy as np
+
+    from qinit_cli.kernels.batch import Watch
+
+    trial = sources_plan(Sources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
+    ids = np.arange(TRIAL_TASKS)
+    trial.learn(ids, Watch())  # compiles, or reads what is compiled
+    _, rows = trial.learn(ids, Watch())
+    return float(rows["steps"].sum() / rows["seconds"].sum())

@@ -1,0 +1,102 @@
+"""What a reproduction's folder says of itself: what was asked, what it holds, where that came from, where the time went."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from store.reading import Description
+
+SCHEMA = "qinit.reproduction/1"
+MANIFEST = "reproduction.json"
+STAGES = ("sources", "fits", "runs", "pictures", "tables")
+
+
+@dataclass
+class Spent:
+    """What a stage took."""
+
+    made: int = 0
+    seconds: float = 0.0  # on the clock
+    steps: int = 0  # of learning
+
+
+def manifest(
+    asked: Mapping[str, Any],
+    entries: Iterable[dict[str, Any]],
+    artefacts: Iterable[Path],
+    spent: Mapping[str, Spent],
+    before: Mapping[str, Any],
+    started: str,
+    seconds: float,
+) -> dict[str, Any]:
+    """The manifest; `before` is that of an earlier attempt, whose time is counted too."""
+    entries = list(entries)
+    earlier = {stage["stage"]: stage for stage in before.get("stages", [])}
+    return {
+        "schema": SCHEMA,
+        "command": shlex.join(["qinit", *sys.argv[1:]]),
+        **asked,
+        "started": before.get("started", started),
+        "seconds": round(before.get("seconds", 0.0) + seconds, 3),
+        "stages": [_added(stage, own, earlier.get(stage, {})) for stage, own in spent.items()],
+        "artefacts": _artefacts(artefacts),
+        "figures": [entry for entry in entries if "png" in entry],
+        "tables": [entry for entry in entries if "png" not in entry],
+        "verdicts": None,
+    }
+
+
+def _added(stage: str, spent: Spent, earlier: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "stage": stage,
+        "made": earlier.get("made", 0) + spent.made,
+        "seconds": round(earlier.get("seconds", 0.0) + spent.seconds, 3),
+        "steps": earlier.get("steps", 0) + spent.steps,
+    }
+
+
+def _artefacts(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """Each artefact once, behind the tables of the targets themselves that it was learned from."""
+    from store.reading import describe
+
+    told: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        there = describe(path)
+        for tables in _own_tables(there):
+            told.setdefault(str(tables), _told(describe(tables), "optimal tables"))
+        told.setdefault(str(path), _told(there, there.kind))
+    return list(told.values())
+
+
+def _own_tables(run: Description) -> Iterator[Path]:
+    """Where `optimal` keeps what it learned: in the store that the run is in."""
+    for given in run.inputs:
+        path = run.path.parents[1] / "sources" / f"{given['name']}.h5"
+        if given["role"] == "optimal" and path.is_file():
+            yield path
+
+
+def _told(there: Description, role: str) -> dict[str, Any]:
+    return {
+        "role": role,
+        "path": str(there.path),
+        "content_sha256": there.content_sha256,
+        "command": there.provenance.get("command"),
+        "seconds": _kernel_seconds(there),
+    }
+
+
+def _kernel_seconds(there: Description) -> float | None:
+    """What its tasks took to learn, as the artefact itself tells; None for a fit, which learns nothing."""
+    from store.reading import open_artefact
+
+    if there.kind == "fit":
+        return None
+    with open_artefact(there.path, there.kind) as artefact:
+        return round(float(artefact.read("seconds").sum()), 3)

@@ -1,0 +1,105 @@
+"""One bar over all artefacts and pictures of a reproduction, by the seconds that each was expected to take."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from qinit_cli.commands.groups import Display
+from qinit_cli.commands.messages import PLAIN_INTERVAL, Progress, console
+
+if TYPE_CHECKING:
+    from qinit_cli.kernels.batch import Watch
+
+TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took
+
+
+class Whole:
+    """The bar on a terminal, else a plain line at most every 30 s. `part` is what `make` counts the tasks of an artefact with."""
+
+    def __init__(self, display: Display, count: int, expected: float) -> None:
+        self._display = display
+        self._count, self._expected = count, max(expected, 1e-9)
+        self._at = 0
+        self._before = 0.0  # expected seconds of what is done
+        self._own = 0.0  # of what is being made
+        self._started = self._said = time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty() and not self._display.quiet:
+            self._bar = _bar(self._display, self._expected)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def begin(self, what: str, expected: float) -> None:
+        """The next of the things to make, and what it is expected to take."""
+        self._before, self._own = self._before + self._own, expected
+        self._at += 1
+        self.show(what, 0.0)
+
+    def show(self, what: str, share: float, rate: str = "") -> None:
+        """Shows how far it is, and that `share` of the thing that is being made is done."""
+        done = self._before + self._own * min(1.0, share)
+        left = f"{self._left(done):.0f} s left"
+        if self._bar is not None:
+            self._bar.update(
+                self._bar.task_ids[0],
+                completed=done,
+                description=what,
+                at=f"{self._at}/{self._count}",
+                rate=rate,
+                left=left,
+            )
+        elif not self._display.quiet and time.monotonic() - self._said >= PLAIN_INTERVAL:
+            self._said = time.monotonic()
+            speed = f", {rate}" if rate else ""
+            print(f"{self._at} of {self._count}, {what}{speed}, about {left}", file=sys.stderr, flush=True)
+
+    def part(self, display: Display, what: str, done: int, total: int, watch: Watch) -> Progress:
+        """The tasks of one artefact, as `make` counts them."""
+        return _Part(self, what, done, total, watch)
+
+    def _left(self, done: float) -> float:
+        pace = 1.0 if done < TRUSTED_AFTER else (time.monotonic() - self._started) / done
+        return max(0.0, self._expected - done) * pace
+
+
+class _Part(Progress):
+    """Tasks of one artefact, shown on the bar of the whole."""
+
+    def __init__(self, whole: Whole, what: str, done: int, total: int, watch: Watch) -> None:
+        super().__init__(Display(quiet=True), what, done, total, watch)
+        self._whole = whole
+
+    def tick(self) -> None:
+        """Shows where things stand."""
+        missing = self._total - self._before
+        share = (self._done - self._before) / missing if missing else 1.0
+        self._whole.show(self._what, share, self._rate())
+
+
+def _bar(display: Display, expected: float) -> Any:
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    bar = Bar(
+        TextColumn("{task.fields[at]}"),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[left]}"),
+        console=console(display, stderr=True),
+        transient=True,
+        expand=True,
+    )
+    bar.add_task("", total=expected, at="", rate="", left="")
+    return bar

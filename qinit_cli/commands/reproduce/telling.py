@@ -1,0 +1,111 @@
+"""What a reproduction says: before it starts how much there is to do and how long that takes, in the end where time went."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qinit_cli.commands.groups import Display
+from qinit_cli.commands.messages import note
+from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
+from qinit_cli.commands.reproduce.manifest import Spent
+from qinit_cli.experiments import Artefact, Fit, Run, Sources
+
+KINDS: dict[type[Artefact], str] = {Sources: "sources", Fit: "fits", Run: "runs"}
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """What there is, and what is still to be done."""
+
+    target: str
+    scale: str
+    artefacts: tuple[Artefact, ...]
+    takes: Mapping[Artefact, Expected]  # of those that are missing
+    files: tuple[str, ...]  # pictures and tables
+    undrawn: int  # of these
+    store: Path
+    jobs: int
+
+    @property
+    def total(self) -> Expected:
+        """All that is missing, and the drawing."""
+        return sum(self.takes.values(), Expected(seconds=self.undrawn * PICTURE_SECONDS))
+
+    @property
+    def free(self) -> int:
+        """Bytes that are free where the store is."""
+        there = next(folder for folder in (self.store, *self.store.absolute().parents) if folder.exists())
+        return shutil.disk_usage(there).free
+
+    def stages(self) -> dict[str, dict[str, Any]]:
+        """Artefacts, those missing, their steps and seconds, by stage."""
+        return {kind: self._stage(kind) for kind in KINDS.values()}
+
+    def told(self) -> dict[str, Any]:
+        """All of it as plain values."""
+        total = self.total
+        return {
+            "schema": "qinit.reproduce-dry-run/1",
+            "target": self.target,
+            "scale": self.scale,
+            "artefacts": len(self.artefacts),
+            "missing": len(self.takes),
+            "files": list(self.files),
+            "undrawn": self.undrawn,
+            "stages": self.stages(),
+            "steps": round(total.steps),
+            "seconds": round(total.seconds, 1),
+            "bytes": round(total.bytes),
+            "bytes_free": self.free,
+        }
+
+    def say(self, display: Display) -> None:
+        """The same in a few lines on stderr."""
+        note(
+            display,
+            f"{self.target} at {self.scale} scale: {len(self.artefacts)} artefacts, {len(self.takes)} still to be made; "
+            f"{len(self.files)} pictures and tables, {self.undrawn} still to be drawn",
+        )
+        for kind, stage in self.stages().items():
+            if stage["missing"]:
+                steps = f"{stage['steps']:.2g} steps, " if stage["steps"] else ""
+                note(
+                    display,
+                    f"  {kind}: {stage['missing']} of {stage['artefacts']}, {steps}about {duration(stage['seconds'])}",
+                )
+        if self.takes or self.undrawn:
+            total = self.total
+            note(
+                display,
+                f"  in all about {duration(total.seconds)} with {self.jobs} jobs, and {total.bytes / 1e6:.3g} MB in "
+                f"{self.store}, where {self.free / 1e9:.3g} GB are free",
+            )
+
+    def _stage(self, kind: str) -> dict[str, Any]:
+        missing = [each for artefact, each in self.takes.items() if KINDS[type(artefact)] == kind]
+        total = sum(missing, Expected())
+        return {
+            "artefacts": sum(KINDS[type(artefact)] == kind for artefact in self.artefacts),
+            "missing": len(missing),
+            "steps": round(total.steps),
+            "seconds": round(total.seconds, 1),
+        }
+
+
+def say_spent(target: str, spent: Mapping[str, Spent], seconds: float, display: Display) -> None:
+    """Where the time went, a line a stage."""
+    width = max(len(stage) for stage in spent)
+    note(display, f"{'':{width}}  {'made':>5}  {'seconds':>8}  {'steps':>8}")
+    for stage, own in spent.items():
+        steps = f"{own.steps:.3g}" if own.steps else ""
+        note(display, f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
+    note(display, f"{target}: complete, {duration(seconds)}")
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes where there are more than two."""
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.1f} min"
