@@ -24,6 +24,7 @@ from qinit_cli.commands import (
     salvage,
     sample_size,
     show,
+    verdicts,
     verify,
 )
 from qinit_cli.commands.build import add_later, option_names
@@ -31,7 +32,17 @@ from qinit_cli.errors import Interrupted, QinitError, UsageError
 from store.errors import StoreError, SystemFailed
 
 HELP_WIDTH = 200  # of a command's line, wrapped where the terminal ends
-ORDER = ("train-sources", "fit", "transfer", "lifelong", "compare", "list", "show", "plot")  # then the rest
+ORDER = (
+    "train-sources",
+    "fit",
+    "transfer",
+    "lifelong",
+    "compare",
+    "verdicts",
+    "list",
+    "show",
+    "plot",
+)  # then the rest
 
 
 class InOrder(TyperGroup):
@@ -80,6 +91,7 @@ for name, told in LATER.items():
 for module in (
     fit,
     compare,
+    verdicts,
     list_artefacts,
     show,
     export,
@@ -94,7 +106,7 @@ for module in (
 ):
     module.add_to(app)
 PANELS = {
-    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare"),
+    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare", "verdicts"),
     "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
     "The paper": ("reproduce",),
     "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),

@@ -286,6 +286,10 @@ class Gridworld:
         mean, deviation = self.mean or 0.0, math.sqrt(self.variance or 0.0)
         if mean + deviation == mean:  # every draw is the mean, rounded as draws are
             return float(low < round(mean) < high)
+        near, far = sorted((high - mean, low - mean), key=abs)
+        if near * far > 0:  # on one side of the mean, where differences of erf would lose the tails
+            tails = [math.erfc(abs(edge) / deviation / math.sqrt(2)) for edge in (near, far)]
+            return (tails[0] - tails[1]) / 2
         return (
             math.erf((high - mean) / deviation / math.sqrt(2))
             - math.erf((low - mean) / deviation / math.sqrt(2))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.methods.method import Method
 from qinit_cli.methods.plus import initialisations
 from qinit_cli.seeding import Stream, generator
 from qinit_cli.stages.fit import Block, kept_of
@@ -252,8 +253,8 @@ def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str
     }
 
 
-def _starts(fit: Fit, family: Family) -> list[Floats]:
-    """Each initialisation's start, (S, A), with its default options; NaN where the fit's estimator has none."""
+def start(method: Method, fit: Fit, family: Family) -> Floats:
+    """What an initialisation starts from, (S, A); NotAllowed where the fit's estimator has no such start."""
     import numpy as np
 
     from qinit_cli.stages.transfer import TargetTasks
@@ -262,10 +263,17 @@ def _starts(fit: Fit, family: Family) -> list[Floats]:
     nobody = TargetTasks(family, family.target_learning, seed=0, keep_q=False).targets(
         0, partial(np.empty, (0, *fit.mean.shape))
     )
+    return method.initial(fit, nobody).start
+
+
+def _starts(fit: Fit, family: Family) -> list[Floats]:
+    """Each initialisation's start, (S, A), with its default options; NaN where the fit's estimator has none."""
+    import numpy as np
+
     starts = []
     for method in initialisations().values():
         try:
-            starts.append(method().initial(fit, nobody).start)
+            starts.append(start(method(), fit, family))
         except NotAllowed:
             starts.append(np.full(fit.mean.shape, np.nan))
     return starts

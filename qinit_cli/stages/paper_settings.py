@@ -1,0 +1,134 @@
+"""What an artefact is evidence of: its distribution, and where its settings differ from the paper's.
+
+The paper's settings are the defaults, which stand for it where it gives none: learned sources, maximum likelihood, the
+families' own learning options and counts of tasks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting, noise, variance
+from qinit_cli.environments import Family, family_of
+from qinit_cli.learning import Learning
+
+Spec = Mapping[str, Any]
+Differences = dict[str, Any]  # by name
+
+DISTRIBUTION = {GRIDWORLD: ("goals", "variance", "mean"), MOUNTAIN_CAR: ("noise",)}  # the fields that span it
+LARGER_OR_EQUAL = ("size", "bins")  # fields in which less is smaller than the paper's
+PLAIN_FIT = {"estimator": "mle", "library": 100, "holdout": 0, "exclude_unlearned": False}
+
+
+def of_sources(spec: Spec) -> Setting:
+    """What sources are evidence of."""
+    family = family_of(spec)
+    return _setting(family, _texts(_source_differences(spec)), _sources_full(spec, family))
+
+
+def of_fit(spec: Spec) -> Setting:
+    """What a fit is evidence of."""
+    family = family_of(spec["sources"])
+    differences = _source_differences(spec["sources"]) | _fit_differences(spec)
+    return _setting(family, _texts(differences), _sources_full(spec["sources"], family))
+
+
+def of_run(spec: Spec, sources: Spec | None) -> Setting:
+    """What a run is evidence of, by its spec and that of its source set; None where its method reads no sources."""
+    family = family_of(spec)
+    target = _learning_differences(spec["learning"], family.target_learning)
+    if spec["tasks"] != family.target_tasks:
+        target["tasks"] = spec["tasks"]
+    full = spec["tasks"] >= family.target_tasks and _episodes(spec) >= family.target_learning.episodes
+    source: Differences = {}
+    if sources is not None:
+        own = family_of(sources)
+        source = _source_differences(sources) | _fit_differences(sources)
+        full = full and _sources_full(sources, own)
+        if own != family:
+            source[f"sources of {own.label}"] = None
+    both = {name: value for name, value in target.items() if source.get(name) == value}
+    told = [
+        *_texts({name: value for name, value in source.items() if name in both or name not in target}),
+        *(
+            f"source {text}"
+            for text in _texts({n: v for n, v in source.items() if n in target and n not in both})
+        ),
+        *(f"target {text}" for text in _texts({n: v for n, v in target.items() if n not in both})),
+    ]
+    return _setting(family, told, full)
+
+
+def known(spec: Spec) -> bool:
+    """Whether the claims are about its family."""
+    return spec["family"]["name"] in DISTRIBUTION
+
+
+def _setting(family: Family, told: list[str], full: bool) -> Setting:
+    distribution, level = _distribution(family)
+    world = list(_world_differences(family))
+    large = all(
+        getattr(family, name) >= getattr(type(family)(), name)
+        for name in LARGER_OR_EQUAL
+        if hasattr(family, name)
+    )
+    return Setting(family.name, distribution, level, ", ".join([*world, *told]), full and large)
+
+
+def _distribution(family: Any) -> tuple[str, float]:
+    if family.name == MOUNTAIN_CAR:
+        return noise(family.noise), family.noise
+    if family.goals == "uniform":
+        return UNIFORM, float("inf")
+    return variance(family.variance), family.variance
+
+
+def _world_differences(family: Any) -> Iterator[str]:
+    usual = type(family)()
+    for field in fields(family):
+        value = getattr(family, field.name)
+        if field.name not in DISTRIBUTION[family.name] and value != getattr(usual, field.name):
+            yield _text(field.name, value)
+    if family.name == GRIDWORLD and family.mean not in (None, 2 * family.size / 3):
+        yield f"mean {family.mean:g}"
+
+
+def _source_differences(spec: Spec) -> Differences:
+    family = family_of(spec)
+    differences: Differences = {"exact sources": None} if spec["learner"] == "exact" else {}
+    differences |= _learning_differences(spec["learning"], family.source_learning)
+    if spec["tasks"] != family.source_tasks:
+        differences["source tasks"] = spec["tasks"]
+    return differences
+
+
+def _fit_differences(spec: Spec) -> Differences:
+    return {name: spec[name] for name, usual in PLAIN_FIT.items() if spec.get(name, usual) != usual}
+
+
+def _learning_differences(learning: Mapping[str, Any], usual: Learning) -> Differences:
+    return {name: value for name, value in learning.items() if value != getattr(usual, name)}
+
+
+def _sources_full(spec: Spec, family: Family) -> bool:
+    """Whether the sources are as many, and learned as long, as the paper's; exact ones are learned to the end."""
+    long_enough = spec["learner"] == "exact" or _episodes(spec) >= family.source_learning.episodes
+    return long_enough and int(spec["tasks"]) >= family.source_tasks
+
+
+def _episodes(spec: Spec) -> int:
+    return int(spec["learning"]["episodes"])
+
+
+def _texts(differences: Differences) -> list[str]:
+    return [_text(name, value) for name, value in differences.items()]
+
+
+def _text(name: str, value: Any) -> str:
+    """As in gamma 0.9; a flag or a whole remark by its name alone."""
+    told = name.replace("_", " ")
+    if value is None or value is True:
+        return told
+    return f"{told} {value:g}" if isinstance(value, int | float) else f"{told} {value}"

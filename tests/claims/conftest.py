@@ -1,0 +1,44 @@
+"""Evidence whose answer is known because it was drawn so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from qinit_cli.claims.scores import Arm, Scores
+from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting
+
+TARGETS = 12
+FREE = ("zero", "drs", "optimal")
+
+
+@pytest.fixture
+def setting() -> Callable[..., Setting]:
+    """A setting by its distribution's name."""
+
+    def made(distribution: str, variant: str = "", *, full: bool = True) -> Setting:
+        word, _, number = distribution.partition(" ")
+        level = float("inf") if distribution == UNIFORM else float(number)
+        return Setting(MOUNTAIN_CAR if word == "noise" else GRIDWORLD, distribution, level, variant, full)
+
+    return made
+
+
+@pytest.fixture
+def scores() -> Callable[..., Scores]:
+    """Methods whose average returns are these but for a little chance, over sets that share their targets."""
+
+    def made(means: Mapping[str, float], *, sets: int = 10, spread: float = 0.0005) -> Scores:
+        chance = np.random.default_rng(0)
+        target = chance.normal(0, 0.01, TARGETS)
+        arms = {}
+        for label, mean in means.items():
+            reads = label.split()[0] not in FREE
+            rows = sets if reads else 1
+            averages = mean + target + spread * chance.standard_normal((rows, TARGETS))
+            arms[label] = Arm(averages, tuple(("targets", f"set {row}") for row in range(rows)), reads)
+        return Scores(arms, shared=True)
+
+    return made
