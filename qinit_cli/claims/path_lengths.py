@@ -22,7 +22,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from qinit_cli.analysis import intervals
+from qinit_cli.analysis import intervals, resampling
 from qinit_cli.analysis.length_sample import LengthSample
 from qinit_cli.analysis.multiplicity import benjamini_hochberg, benjamini_yekutieli
 from qinit_cli.arrays import Flags, Floats
@@ -162,7 +162,8 @@ def _sample(lengths: Lengths) -> LengthSample:
 
 def _resampled(values: Floats, stream: int) -> Floats:
     """Means of resamples of (R,), (B,): each stream its own, so that two levels vary independently."""
-    return intervals.resampled_means(values[:, None], generator(0, Stream.BOOTSTRAP, stream))[:, 0]
+    samples = resampling.of_targets(len(values), generator(0, Stream.BOOTSTRAP, stream))
+    return np.concatenate([sample.means(values[None, :, None])[:, 0] for sample in samples])
 
 
 def _share(chosen: Flags, among: Floats) -> float:
