@@ -22,6 +22,8 @@ from qinit_cli.claims.verdict import Answer, Detail, Verdict
 ENOUGH_SETS = FEW_SOURCE_SETS  # below, intervals over source sets cover less than they say
 RANK_SETS = 10  # that a claim of rank rests on
 
+TOLD = 6  # aspects that a sentence names: all of them stand in the details
+
 Need = tuple[str, str]  # a distribution and an aspect
 
 
@@ -59,6 +61,10 @@ class Claim:
     command: str  # makes what is lacking; {family} stands for a distribution's options
     look: Callable[[Evidence], Iterable[Finding]]
     sets: int = ENOUGH_SETS
+    option: tuple[str, Callable[[str], str]] = (
+        "",
+        str,
+    )  # of some aspects: its name, and an aspect without it
     also: tuple[str, ...] = ()  # distributions that decide where they are there, but need not be
     digits: int = 3  # of its number in sentences
 
@@ -123,7 +129,11 @@ class Claim:
             (self.aspects, lambda finding: finding.aspect),
         )
         alone = [name for name, side in sides if not _mixed(deciding, side)]
-        return alone[0] if alone else " and ".join(name for name, _ in sides)
+        named = alone[:1] or [name for name, _ in sides]
+        option, without = self.option
+        if _mixed(deciding, lambda finding: f"{finding.setting.distribution} {without(finding.aspect)}"):
+            named.append(option)
+        return " and ".join(named)
 
     def _sentence(self, variant: str, deciding: Sequence[Finding]) -> str:
         said = (f"With {variant}: " if variant else "") + self._number_of(deciding)
@@ -134,6 +144,9 @@ class Claim:
         if not holding:
             rows = "the one row that decides" if count == 1 else f"any of {count} rows"
             return f"{said}. It does not hold in {rows}."
+        if holding < len(failing):
+            holds = [finding for finding in deciding if finding.holds]
+            return f"{said}. It holds in {holding} of {count} rows: {_gathered(holds, deciding)}."
         return f"{said}. It holds in {holding} of {count} rows; not for {_gathered(failing, deciding)}."
 
     def _number_of(self, findings: Sequence[Finding]) -> str:
@@ -229,7 +242,7 @@ def _mixed(deciding: Iterable[Finding], side: Callable[[Finding], str]) -> bool:
 
 
 def _gathered(chosen: Sequence[Finding], among: Sequence[Finding]) -> str:
-    """The aspects of the chosen rows, with their distributions."""
+    """The aspects of the chosen rows with their distributions, the first TOLD of them."""
     return _needs_gathered([_need(finding) for finding in chosen], [_need(finding) for finding in among])
 
 
@@ -240,12 +253,14 @@ def _need(finding: Finding) -> Need:
 def _needs_gathered(chosen: Sequence[Need], among: Sequence[Need]) -> str:
     """Each aspect with its distributions, "everywhere" where these are all there are for it."""
     parts: dict[str, list[str]] = {}
-    for aspect in dict.fromkeys(aspect for _, aspect in chosen):
+    aspects = list(dict.fromkeys(aspect for _, aspect in chosen))
+    for aspect in aspects[:TOLD]:
         own = [distribution for distribution, other in chosen if other == aspect]
         whole = [distribution for distribution, other in among if other == aspect]
         everywhere = len(own) == len(whole) > 1
         parts.setdefault("everywhere" if everywhere else _listed(own), []).append(aspect)
-    return "; ".join(f"{', '.join(aspects)} ({where})" for where, aspects in parts.items())
+    told = [f"{', '.join(those)} ({where})" for where, those in parts.items()]
+    return "; ".join(told + ([f"and {len(aspects) - TOLD} others"] if len(aspects) > TOLD else []))
 
 
 def _listed(names: Iterable[str]) -> str:

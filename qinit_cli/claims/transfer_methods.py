@@ -32,6 +32,13 @@ def label(method: str, init: str = "", options: str = "") -> str:
     return (f"{method}+{init}" if init else method) + options
 
 
+def without_decay(aspect: str) -> str:
+    """What is looked at, whatever the decay is."""
+    for decay in sorted(DECAYS, key=len, reverse=True):
+        aspect = aspect.replace(decay, "") if decay else aspect
+    return aspect
+
+
 PLAIN = ("ptrs", "drs", *(label(FREE, options=decay) for decay in DECAYS))
 
 
@@ -86,6 +93,7 @@ BEATEN = Claim(
     look=beaten,
     sets=RANK_SETS,
     also=(*VARIANCES, UNIFORM),
+    option=("OPS-TL's decay", without_decay),
     digits=4,
 )
 NOTHING_GAINED = Claim(
@@ -100,5 +108,6 @@ NOTHING_GAINED = Claim(
     f"zero, logqinit-median, {_ALL}",
     look=nothing,
     sets=RANK_SETS,
+    option=("OPS-TL's decay", without_decay),
     digits=4,
 )

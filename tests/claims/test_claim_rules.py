@@ -87,6 +87,20 @@ def test_what_holds_in_some_rows_depends_on_what_tells_them_apart(
     assert f"rows; not for {failing}." in verdict.sentence
 
 
+def test_the_fewer_rows_are_named(setting: At) -> None:
+    verdict = _judged(_rows(setting, lambda distribution, aspect: (distribution, aspect) == NEEDS[0]))
+    assert verdict.sentence.endswith("It holds in 1 of 4 rows: here (variance 1).")
+
+
+def test_a_sentence_names_no_more_than_six_aspects(setting: At) -> None:
+    rows = [
+        Finding(setting("variance 1"), str(number), 0.0, sets=9, holds=number > 8) for number in range(18)
+    ]
+    needs = tuple(("variance 1", str(number)) for number in range(18))
+    verdict = _judged(rows, needs=needs, headline=needs[0])
+    assert verdict.sentence.endswith("not for 0, 1, 2, 3, 4, 5 (variance 1); and 3 others.")
+
+
 def test_one_distribution_is_no_evidence_for_all(setting: At) -> None:
     rows = [row for row in _rows(setting, _always) if row.setting.distribution == "variance 1"]
     verdict = _judged(rows)

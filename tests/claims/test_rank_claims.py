@@ -98,8 +98,9 @@ def test_beating_policy_transfer_stands_only_with_every_decay(given: Make) -> No
     assert transfer_methods.BEATEN.judge(given(_transfer(slow), ("variance 7",))).verdict == "holds"
     fast = slow | {" rho=1.0 nu=1.0": 0.08}
     verdict = transfer_methods.BEATEN.judge(given(_transfer(fast), ("variance 7",)))
-    assert (verdict.verdict, verdict.depends_on) == ("depends", "the pair of methods")
+    assert (verdict.verdict, verdict.depends_on) == ("depends", "the pair of methods and OPS-TL's decay")
     assert "logqinit-median minus ops-tl rho=1.0 nu=1.0" in verdict.sentence
+    assert transfer_methods.without_decay("x minus ops-tl rho=1.0 nu=1.0") == "x minus ops-tl"
 
 
 def test_nothing_of_it_holds_where_all_are_better_without(given: Make) -> None:
