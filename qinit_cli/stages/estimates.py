@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from qinit_cli.analysis import resampling
+from qinit_cli.analysis.aggregate import improvements, interquartile_mean, resampled_interquartile_means
+from qinit_cli.analysis.intervals import TAILS, percentiles
+from qinit_cli.analysis.permutation import sign_flip_p
+from qinit_cli.analysis.resampling import RESAMPLES, Crossed, Nested
+from qinit_cli.analysis.survival import kaplan_meier, resampled_medians
+from qinit_cli.analysis.transfer_ratio import transfer_ratio
+from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.seeding import Stream, generator
 from qinit_cli.stages.scores import Arrival, Metric, Scores
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from qinit_cli.analysis.resampling import Crossed, Nested
-    from qinit_cli.arrays import Flags, Floats, Integers
-
-RANK_RESAMPLES = (
-    2_000  # of what is counted through in order, which costs more: their ends move by 2 % of the width
-)
+# of what is counted through in order, which costs more: the ends of an interval move by 2 % of its width
+RANK_RESAMPLES = 2_000
 
 
 @dataclass(frozen=True)
@@ -62,18 +64,17 @@ class Chance:
 
     shared: bool  # whether several source sets met the same targets
     seed: int
+    resamples: int = RESAMPLES
 
     def samples(self, sets: int, targets: int) -> Iterator[Crossed] | Iterator[Nested]:
         """Samples of so many sets and targets; nothing of one alone."""
-        from qinit_cli.analysis import resampling
-
         if sets > 1 and not self.shared:
-            return resampling.nested(sets, targets, self.stream())
+            return resampling.nested(sets, targets, self.stream(), self.resamples)
         if targets < 2:
             return iter(())
         if sets == 1:
-            return resampling.of_targets(targets, self.stream())
-        return resampling.crossed(sets, targets, self.stream())
+            return resampling.of_targets(targets, self.stream(), self.resamples)
+        return resampling.crossed(sets, targets, self.stream(), self.resamples)
 
     def stream(self) -> np.random.Generator:
         """The stream, from its beginning."""
@@ -84,10 +85,6 @@ def estimates(
     own: Sequence[Scores], baseline: Sequence[Scores] | None, metric: Metric, chance: Chance
 ) -> Estimates:
     """The numbers of R runs of one method, and beside the `baseline`'s runs of the same targets and source sets."""
-    import numpy as np
-
-    from qinit_cli.analysis.aggregate import interquartile_mean
-
     tables = _tables(own, baseline)
     arrivals = [scores.arrival for scores in own if scores.arrival is not None]
     better = None if baseline is None else _better(own, baseline, metric, chance)
@@ -121,8 +118,6 @@ class _Drawn:
 
 def _tables(own: Sequence[Scores], baseline: Sequence[Scores] | None) -> dict[str, Floats]:
     """What is averaged over source sets and targets, (R, T) each."""
-    import numpy as np
-
     tables = {
         "average": np.stack([scores.average for scores in own]),
         "jumpstart": np.stack([scores.jumpstart for scores in own]),
@@ -145,10 +140,6 @@ def _better(own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, c
 
     (1, R, T), in pairs of one source set, where each set met targets of its own: those of two sets are no pair.
     """
-    import numpy as np
-
-    from qinit_cli.analysis.aggregate import improvements
-
     method, other = (np.stack([scores.average for scores in runs]) for runs in (own, baseline))
     if metric == "steps":  # the fewer the better
         method, other = -method, -other
@@ -158,10 +149,6 @@ def _better(own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, c
 def _drawn(
     tables: dict[str, Floats], arrivals: Sequence[Arrival], better: Floats | None, chance: Chance
 ) -> _Drawn:
-    import numpy as np
-
-    from qinit_cli.analysis.aggregate import resampled_interquartile_means
-    from qinit_cli.analysis.survival import resampled_medians
 
     stacked = np.stack(list(tables.values()), axis=2)
     means, iqms, medians, improved = [stacked[:0, 0]], [np.empty(0)], [np.empty(0)], [np.empty(0)]
@@ -188,8 +175,6 @@ def _drawn(
 
 def _joined(arrivals: Sequence[Arrival]) -> tuple[Integers, Flags]:
     """Times and whether they were reached, over source sets and targets, (R * T,) each."""
-    import numpy as np
-
     return (
         np.concatenate([arrival.times for arrival in arrivals]),
         np.concatenate([arrival.reached for arrival in arrivals]),
@@ -197,7 +182,6 @@ def _joined(arrivals: Sequence[Arrival]) -> tuple[Integers, Flags]:
 
 
 def _threshold(arrivals: Sequence[Arrival], restricted_mean: Estimate, drawn: _Drawn) -> Threshold:
-    from qinit_cli.analysis.survival import kaplan_meier
 
     times, reached = _joined(arrivals)
     found = kaplan_meier(times, reached, int(times.max()))
@@ -207,10 +191,6 @@ def _threshold(arrivals: Sequence[Arrival], restricted_mean: Estimate, drawn: _D
 
 def _tails(medians: Floats) -> tuple[float, float]:
     """The bounds of an interval without interpolation: some are infinite."""
-    import numpy as np
-
-    from qinit_cli.analysis.intervals import TAILS
-
     if not len(medians):
         return np.nan, np.nan
     ordered = np.sort(medians)
@@ -220,10 +200,6 @@ def _tails(medians: Floats) -> tuple[float, float]:
 
 def _ratio(tables: dict[str, Floats], drawn: _Drawn) -> Estimate | None:
     """The ratio of averages; None where the baseline's interval touches 0, or is not known."""
-    import numpy as np
-
-    from qinit_cli.analysis.transfer_ratio import transfer_ratio
-
     if not len(drawn.means["baseline"]):
         return None
     mean, baseline = float(tables["average"].mean()), float(tables["baseline"].mean())
@@ -236,9 +212,6 @@ def _ratio(tables: dict[str, Floats], drawn: _Drawn) -> Estimate | None:
 
 
 def _estimate(value: float, resampled: Floats) -> Estimate:
-    import numpy as np
-
-    from qinit_cli.analysis.intervals import percentiles
 
     if not len(resampled):
         return Estimate(float(value), np.nan, np.nan)
@@ -248,7 +221,5 @@ def _estimate(value: float, resampled: Floats) -> Estimate:
 
 def _p(differences: Floats, chance: Chance) -> float:
     """Sign-flip p of differences (R, T): targets flip where there is one source set, else whole sets do."""
-    from qinit_cli.analysis.permutation import sign_flip_p
-
     units = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
     return float(sign_flip_p(units, chance.stream())[0])
