@@ -11,7 +11,7 @@ them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from qinit_cli.analysis.intervals import FEW_SOURCE_SETS
@@ -165,7 +165,8 @@ class Claim:
         absent = [need for need in lacking if need not in map(_need, unsound)]
         lacks = []
         if absent:
-            lacks.append(self._absent(absent))
+            there = {finding.setting.distribution for finding in findings}
+            lacks.append(self._absent(absent, there))
         if few:
             least = min(finding.sets for finding in few)
             where = _listed(finding.setting.distribution for finding in few)
@@ -175,13 +176,9 @@ class Claim:
         command = self.command.format(family=_options(lacking[0][0]))
         return f"Lacking: {'; '.join(lacks)}. Made by {command}."
 
-    def _absent(self, absent: Sequence[Need]) -> str:
-        """The distributions of which everything is absent, and what is absent of the others."""
-        whole = [
-            distribution
-            for distribution in dict.fromkeys(distribution for distribution, _ in self.needs)
-            if all(need in absent for need in self.needs if need[0] == distribution)
-        ]
+    def _absent(self, absent: Sequence[Need], there: Collection[str]) -> str:
+        """The distributions of which nothing is there, and what is absent of the others."""
+        whole = [name for name in dict.fromkeys(name for name, _ in absent) if name not in there]
         parts = [need for need in absent if need[0] not in whole]
         return "; ".join(
             ([_listed(whole)] if whole else []) + ([_needs_gathered(parts, self.needs)] if parts else [])
@@ -203,7 +200,10 @@ class Claim:
         own = self._of(found, variant)
         headline = self._headline(own)
         number = headline.detail() if headline else None
-        counted = [finding.sets for finding in (self._deciding(own) or own) if finding.sets]
+        decides = (
+            self._deciding(own) if answer != "not judged" else [f for f in own if _need(f) in self.needs]
+        )
+        counted = [finding.sets for finding in decides if finding.sets]
         return Verdict(
             claim=self.name,
             statement=self.statement,

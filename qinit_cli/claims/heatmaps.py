@@ -29,7 +29,7 @@ FOLLOWS = 0.9  # rank correlation from which a map follows the goals
 HIGH = VARIANCES[-2:]  # variances at which UCOI's map is said to be wider
 
 CORRELATION = "rank correlation with the goals' chance"
-WIDER = f"states above half the peak, {UCOI} minus {MEDIAN}"
+WIDER = f"share of states above half the peak, {UCOI} minus {MEDIAN}"
 IRREGULAR = f"local maxima, {MAXQINIT} minus {MEDIAN}"
 ALL = "all variances"
 GROWING = f"rank correlation of {MAXQINIT}'s local maxima with the variance"
@@ -89,7 +89,7 @@ def _widths(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
     found = over_sets.mean(widths[UCOI] - widths[MEDIAN])
     yield _finding(setting, WIDER, found, _least(found) > 0 if setting.distribution in HIGH else None)
     for method, values in widths.items():
-        yield _finding(setting, f"states above half the peak, {method}", over_sets.mean(values))
+        yield _finding(setting, f"share of states above half the peak, {method}", over_sets.mean(values))
 
 
 def _maxima(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:

@@ -77,7 +77,7 @@ def _at(setting: Setting, place: str, samples: list[Floats], normal: bool, rows:
 
 def aspect(quantity: str, place: str) -> str:
     """What is looked at."""
-    return f"source sets that reject a normal for {quantity} at {place}"
+    return f"share of source sets that reject a normal for {quantity} at {place}"
 
 
 def expected(places: tuple[str, ...]) -> list[str]:

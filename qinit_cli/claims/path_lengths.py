@@ -34,9 +34,9 @@ from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, NOISES, VARIANCES,
 from qinit_cli.seeding import Stream, generator
 
 AMONG, BEYOND = "among the goals", "beyond the goals"
-REJECTED = "state-actions rejected at 5 %"
-AT_START = "source sets that reject a rounded normal at the start"
-MEAN = "mean steps minus those without noise"
+REJECTED = "share of state-actions rejected at 5 %"
+AT_START = "share of source sets that reject a rounded normal at the start"
+MEAN = "mean steps minus those of noise 0"
 SPREAD = "standard deviation over that of the level below"
 
 
@@ -63,7 +63,7 @@ def _beside(setting: Setting, sets: Sequence[LengthTests]) -> Iterator[Finding]:
         "the same by Benjamini-Yekutieli": [
             _share(benjamini_yekutieli(one.p) <= LEVEL, one.p) for one in sets
         ],
-        "state-actions not testable": [float(np.isnan(one.p).mean()) for one in sets],
+        "share of state-actions not testable": [float(np.isnan(one.p).mean()) for one in sets],
         "median W": [_median(one.statistic) for one in sets],
         "median |skewness|": [_median(np.abs(one.skewness)) for one in sets],
         "median |excess kurtosis|": [_median(np.abs(one.kurtosis)) for one in sets],

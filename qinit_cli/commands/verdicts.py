@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from store.reading import Artefact
 
 DIGITS = 4
+PEOPLE = ("table", "markdown")  # forms that are read, not parsed
 HOLDS = {True: "yes", False: "no", None: ""}
 
 
@@ -79,6 +80,8 @@ def verdicts(
         print_table(SCHEMA, _detail_columns(tabular.chosen), rows, tabular, display)
         return
     rows = [_with_bounds(verdict.told()) for verdict in found]
+    if tabular.chosen in PEOPLE:
+        rows = [_spoken(row) for row in rows]
     print_table(SCHEMA, _columns(tabular.chosen), rows, tabular, display, title="The paper's claims")
 
 
@@ -132,6 +135,12 @@ def _columns(form: str) -> list[TableColumn]:
     return names
 
 
+def _spoken(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with what its verdict depends on in the same words."""
+    on = row["depends_on"]
+    return row | {"verdict": f"{row['verdict']} on {on}"} if on else row
+
+
 def _detail_columns(form: str) -> list[TableColumn]:
     from qinit_cli.commands.tables import TableColumn
 
@@ -148,7 +157,7 @@ def _number(form: str) -> list[TableColumn]:
     """The number and its interval: together for people, a column each for programs."""
     from qinit_cli.commands.tables import TableColumn
 
-    if form in ("table", "markdown"):
+    if form in PEOPLE:
         return [TableColumn("value", "number", DIGITS, interval=True)]
     return [TableColumn(name) for name in ("value", "low", "high")]
 

@@ -118,6 +118,14 @@ def test_too_few_source_sets_withhold_the_verdict_and_are_told(setting: At) -> N
     assert verdict.sentence.startswith("Lacking: 10 source sets where there are 9 (variance 1, 3).")
 
 
+def test_what_lacks_beside_other_rows_of_its_distribution_is_named(setting: At) -> None:
+    rows = [row for row in _rows(setting, _always) if row.aspect == "here"]
+    rows += [Finding(setting("variance 3"), "elsewhere", 0.0, sets=2)]
+    verdict = _judged(rows)
+    assert verdict.sentence.startswith("Lacking: there (everywhere). Made by")
+    assert verdict.sets == 10
+
+
 def test_what_reads_no_sources_needs_no_source_sets(setting: At) -> None:
     rows = [replace(row, sets=0) for row in _rows(setting, _always)]
     assert _judged(rows, sets=10).verdict == "holds"

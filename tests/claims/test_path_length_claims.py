@@ -60,7 +60,7 @@ def test_lengths_rejected_among_the_goals_alone_make_it_depend_on_the_state(
     verdict = path_lengths.GRIDWORLD_CLAIM.judge(everywhere(lambda chance: 0.001, 0.5))
     assert (verdict.verdict, verdict.depends_on) == ("depends", "whether the state lies among the goals")
     assert (verdict.value, verdict.low, verdict.high) == (1.0, 1.0, 1.0)
-    overall = _row(verdict, "variance 7: state-actions rejected at 5 %")
+    overall = _row(verdict, "variance 7: share of state-actions rejected at 5 %")
     assert (overall.value, overall.holds) == (0.5, None)
     assert _row(verdict, "variance 7: median |skewness|").value == pytest.approx(0.2)
 
@@ -73,7 +73,7 @@ def test_lengths_rejected_everywhere_are_not_normal(everywhere: Callable[..., Ev
 
 def test_corrections_stand_beside_the_raw_share(everywhere: Callable[..., Evidence]) -> None:
     verdict = path_lengths.GRIDWORLD_CLAIM.judge(everywhere(lambda chance: 0.04, 0.04))
-    assert _row(verdict, "variance 1: state-actions rejected at 5 %").value == 1.0
+    assert _row(verdict, "variance 1: share of state-actions rejected at 5 %").value == 1.0
     # equal p are all rejected by Benjamini-Hochberg; Benjamini-Yekutieli multiplies them by the harmonic number
     assert _row(verdict, "variance 1: the same by Benjamini-Hochberg").value == 1.0
     assert _row(verdict, "variance 1: the same by Benjamini-Yekutieli").value == 0.0
