@@ -173,6 +173,19 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Judgement:
+    """The paper's claims, as `qinit verdicts` judges them from artefacts."""
+
+    artefacts: tuple[Artefact, ...]
+    whole: bool  # whether claims that these artefacts say nothing of are told too
+    name: str = "verdicts"
+    title: str = "The paper's claims"
+
+
+Shown = Picture | Table | Judgement
+
+
+@dataclass(frozen=True)
 class Experiment:
     """What stands behind one figure of the paper."""
 
@@ -266,6 +279,20 @@ class Study:
 def experiment(name: str, study: Study) -> Experiment:
     """The experiment behind the figure of that name."""
     return FIGURES[name](study)
+
+
+def judgement(target: str, study: Study) -> Judgement:
+    """The claims that the figures of a target bear on; for whole environments with fits that test the path lengths."""
+    shown = [artefact for name in TARGETS[target] for artefact in experiment(name, study).artefacts]
+    whole = target not in FIGURES
+    if "fig4" in TARGETS[target] and whole:
+        tested = FitOptions(eopl_normality="rounded")
+        shown += [
+            Fit(study.sources(family, seed), tested)
+            for family in study.gridworlds
+            for seed in range(study.sets)
+        ]
+    return Judgement(tuple(dict.fromkeys(shown)), whole)
 
 
 def transfer(init: str) -> tuple[Method, ...]:

@@ -16,6 +16,7 @@ from qinit_cli.experiments import (
     Sources,
     Study,
     experiment,
+    judgement,
 )
 
 CONTRACT = ("fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "figA1", "figA2", "figA3")
@@ -135,6 +136,19 @@ def test_nothing_is_made_twice_and_everything_after_what_it_is_made_of(target: s
             case Sources():
                 pass
         before.add(one)
+
+
+def test_everything_is_judged_from_all_artefacts_and_fits_that_test_path_lengths_on_every_grid() -> None:
+    judged = judgement("all", PAPER)
+    assert set(_needed("all")) - {one for one in _needed("all") if isinstance(one, Sources | Fit)} <= set(
+        judged.artefacts
+    )
+    tested = [
+        one for one in judged.artefacts if isinstance(one, Fit) and one.options.eopl_normality == "rounded"
+    ]
+    assert [one.sources.family for one in tested] == list(PAPER.gridworlds)
+    assert judged.whole
+    assert not judgement("fig9", PAPER).whole
 
 
 def test_source_sets_have_seeds_of_their_own_and_share_their_targets() -> None:

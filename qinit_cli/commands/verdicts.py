@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +71,7 @@ def verdicts(
     from qinit_cli.commands.tables import print_table
     from qinit_cli.stages import verdicts as stage
 
-    evidence = stage.evidence(_opened(references.many(artefacts, reading.store)))
+    evidence = stage.evidence(opened(references.many(artefacts, reading.store)))
     if evidence.passed_over:
         note(display, f"no claim is about {', '.join(dict.fromkeys(evidence.passed_over))}: passed over")
     found = _chosen(stage.verdicts(evidence), judging.claim)
@@ -85,13 +85,18 @@ def verdicts(
     print_table(SCHEMA, _columns(tabular.chosen), rows, tabular, display, title="The paper's claims")
 
 
-def _opened(paths: list[Path]) -> Iterator[Artefact]:
+def opened(paths: list[Path]) -> Iterator[Artefact]:
     """The artefacts, one open at a time."""
     from store.reading import open_artefact
 
     for path in paths:
         with open_artefact(path) as artefact:
             yield artefact
+
+
+def told(found: Sequence[Verdict]) -> dict[str, Any]:
+    """What --format json prints of these verdicts."""
+    return {"schema": SCHEMA, "rows": [verdict.told() for verdict in found]}
 
 
 def _chosen(found: tuple[Verdict, ...], names: list[str] | None) -> list[Verdict]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__
-from qinit_cli.experiments import Artefact, Picture, Run, Table
+from qinit_cli.experiments import Artefact, Judgement, Picture, Run, Shown, Table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.runs import Run as Read
 
+NOT_JUDGED = "not judged"
 KEPT = 200  # runs: a megabyte each at the paper's size
 
 
@@ -72,6 +73,15 @@ class Drawing:
             runs = [run.first(table.first) for run in runs]
         return told(stage.compare(runs, comparing.baseline, comparing.metric), comparing.metric)
 
+    def verdicts(self, judgement: Judgement) -> dict[str, Any]:
+        """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
+        from qinit_cli.commands.verdicts import opened, told
+        from qinit_cli.stages import verdicts as stage
+
+        paths = [self.paths[artefact] for artefact in judgement.artefacts]
+        found = stage.verdicts(stage.evidence(opened(paths)))
+        return told([one for one in found if judgement.whole or one.verdict != NOT_JUDGED])
+
     def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
         from qinit_cli.runs import Run as Reader
@@ -88,15 +98,21 @@ class Drawing:
         return found
 
 
-def file_of(shown: Picture | Table) -> str:
+def file_of(shown: Shown) -> str:
     """The name of its file; a picture has a PNG beside it."""
     return f"{shown.name}.svg" if isinstance(shown, Picture) else f"{shown.name}.json"
 
 
-def made_of(shown: Picture | Table, digests: Mapping[Artefact, str]) -> str:
-    """SHA-256 of all that decides how a picture or table looks: its settings, its artefacts' content and this version."""
+def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
+    """SHA-256 of all that decides what it shows: its settings, its artefacts' content and this version."""
     from store.spec import canonical_json
 
-    words = [shown.name, shown.title, shown.kind if isinstance(shown, Picture) else shown.first]
-    told = [__version__, *words, *(digests[artefact] for artefact in shown.artefacts)]
+    told = [__version__, shown.name, shown.title, *(digests[artefact] for artefact in shown.artefacts)]
+    match shown:
+        case Picture(kind=kind):
+            told.append(kind)
+        case Table(first=first):
+            told.append(str(first))
+        case Judgement(whole=whole):
+            told.append(str(whole))
     return hashlib.sha256(canonical_json(told).encode()).hexdigest()

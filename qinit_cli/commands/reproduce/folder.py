@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.reproduce.manifest import MANIFEST, SCHEMA
+from qinit_cli.commands.reproduce.manifest import MANIFEST, SCHEMA, entries_of
 from qinit_cli.errors import NotAllowed, UsageError
 
 
@@ -36,8 +36,8 @@ class Folder:
         self.write(name, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
     def standing(self, file: str, made_of: str) -> dict[str, Any] | None:
-        """What the manifest says of a picture or table, if it stands there and was made of the same."""
-        for entry in (*self.before.get("figures", []), *self.before.get("tables", [])):
+        """What the manifest says of a picture, a table or verdicts, if it stands there and was made of the same."""
+        for entry in entries_of(self.before):
             if entry["file"] == file and entry["made_of"] == made_of:
                 there = all((self.path / entry[kind]).is_file() for kind in ("file", "png") if kind in entry)
                 return dict(entry) if there else None
@@ -82,8 +82,7 @@ def _remove(path: Path, manifest: dict[str, Any]) -> None:
     """Removes the files that the manifest names, and it; nothing outside the folder."""
     if not manifest:
         return
-    entries = [*manifest.get("figures", []), *manifest.get("tables", [])]
-    named = [entry[kind] for entry in entries for kind in ("file", "png") if kind in entry]
-    for name in (*named, manifest.get("verdicts"), MANIFEST):
-        if name is not None and Path(name).name == name:
+    named = [entry[kind] for entry in entries_of(manifest) for kind in ("file", "png") if kind in entry]
+    for name in (*named, MANIFEST):
+        if Path(name).name == name:
             (path / name).unlink(missing_ok=True)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "qinit.reproduction/1"
 MANIFEST = "reproduction.json"
-STAGES = ("sources", "fits", "runs", "pictures", "tables")
+STAGES = ("sources", "fits", "runs", "pictures", "tables", "verdicts")
+VERDICTS = "verdicts"  # the name of the entry that is no table
 
 
 @dataclass
@@ -37,6 +38,7 @@ def manifest(
 ) -> dict[str, Any]:
     """The manifest; `before` is that of an earlier attempt, whose time is counted too."""
     entries = list(entries)
+    judged = next((entry for entry in entries if entry["name"] == VERDICTS), {})
     earlier = {stage["stage"]: stage for stage in before.get("stages", [])}
     return {
         "schema": SCHEMA,
@@ -47,9 +49,19 @@ def manifest(
         "stages": [_added(stage, own, earlier.get(stage, {})) for stage, own in spent.items()],
         "artefacts": _artefacts(artefacts),
         "figures": [entry for entry in entries if "png" in entry],
-        "tables": [entry for entry in entries if "png" not in entry],
-        "verdicts": None,
+        "tables": [entry for entry in entries if "png" not in entry and entry is not judged],
+        "verdicts": judged.get("file"),
+        "verdicts_made_of": judged.get("made_of"),
     }
+
+
+def entries_of(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The entries that a manifest was made of."""
+    entries = [*manifest.get("figures", []), *manifest.get("tables", [])]
+    if manifest.get("verdicts") is not None:
+        judged = {"file": manifest["verdicts"], "made_of": manifest.get("verdicts_made_of")}
+        entries.append({"name": VERDICTS, **judged})
+    return entries
 
 
 def _added(stage: str, spent: Spent, earlier: Mapping[str, Any]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from qinit_cli.commands.reproduce.manifest import MANIFEST, STAGES, Spent, manif
 from qinit_cli.commands.reproduce.progress import Whole
 from qinit_cli.commands.reproduce.telling import KINDS, Ahead, say_spent
 from qinit_cli.errors import Interrupted
-from qinit_cli.experiments import Artefact, Fit, Picture, Sources, Study, Table
+from qinit_cli.experiments import Artefact, Fit, Judgement, Picture, Shown, Sources, Study, Table
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
@@ -46,15 +46,16 @@ class Reproduction:
     spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in STAGES})
 
     @cached_property
-    def shown(self) -> dict[str, tuple[str, Picture | Table]]:
-        """Pictures and tables by file, with the figure that each belongs to."""
+    def shown(self) -> dict[str, tuple[str, Shown]]:
+        """Pictures, tables and verdicts by file, with the figure that each belongs to."""
         study = Study(experiments.SCALES[self.scale], self.source_sets)
-        found: dict[str, tuple[str, Picture | Table]] = {}
+        found: dict[str, tuple[str, Shown]] = {}
         for name in experiments.TARGETS[self.target]:
             each = experiments.experiment(name, study)
             found |= {file_of(picture): (name, picture) for picture in each.pictures}
             found |= {file_of(table): (name, table) for table in each.tables}
-        return found
+        judgement = experiments.judgement(self.target, study)
+        return found | {file_of(judgement): (judgement.name, judgement)}
 
     @cached_property
     def artefacts(self) -> tuple[Artefact, ...]:
@@ -179,12 +180,16 @@ class Reproduction:
             figure, shown = self.shown[file]
             whole.begin(shown.name, PICTURE_SECONDS)
             entry = {"name": figure, "file": file, "title": shown.title}
-            if isinstance(shown, Picture):
-                with self._counted("pictures"):
-                    entry |= self._picture(folder, shown, drawing)
-            else:
-                with self._counted("tables"):
-                    folder.write_json(file, drawing.table(shown))
+            match shown:
+                case Picture():
+                    with self._counted("pictures"):
+                        entry |= self._picture(folder, shown, drawing)
+                case Table():
+                    with self._counted("tables"):
+                        folder.write_json(file, drawing.table(shown))
+                case Judgement():
+                    with self._counted("verdicts"):
+                        folder.write_json(file, drawing.verdicts(shown))
             entries[file] = entry | {"made_of": made_of(shown, self.digests)}
 
     def _picture(self, folder: Folder, shown: Picture, drawing: Drawing) -> dict[str, str]:

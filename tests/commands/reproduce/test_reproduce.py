@@ -80,6 +80,9 @@ def test_a_figure_has_a_manifest_and_its_pictures_in_two_formats_with_words(
     assert stages["sources"]["made"] == roles.count("sources") == 1
     assert roles.count("optimal tables") == 1
     assert stages["runs"]["made"] == roles.count("run")
+    judged = json.loads((folder / manifest["verdicts"]).read_text())
+    assert judged["schema"] == "qinit.verdicts/1"
+    assert all(row["verdict"] != "not judged" for row in judged["rows"])
 
 
 def test_the_same_command_again_finds_it_complete_and_draws_only_what_is_gone(
@@ -182,6 +185,7 @@ def test_a_reproduction_of_other_settings_is_replaced_with_force_alone_and_forei
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "notes.txt",
         "reproduction.json",
+        "verdicts.json",
         *(f"{name}.{kind}" for name in ("fig5", "fig5-normality") for kind in ("svg", "png")),
     }
 
