@@ -166,7 +166,7 @@ def run(arguments: list[str]) -> int:
 
 def _configured(command: object, arguments: list[str]) -> dict[str, object] | None:
     """Defaults from configuration files, with every QINIT_* variable known; None where there are neither, or help is asked."""
-    if FAST.intersection(arguments):
+    if not arguments or FAST.intersection(arguments):
         return None
     if not configuration.files() and not any(name.startswith(configuration.PREFIX) for name in os.environ):
         return None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import family_of
+from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Run:
     def from_artefact(cls, artefact: Artefact) -> Run:
         """The run in an artefact, every task's digest verified."""
         spec = artefact.spec
-        parameters = [parameter.name for parameter in family_of(spec).parameters()]
+        parameters = _parameters(spec)
         names = {column.name for column in artefact.schema.task_columns}
         there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached"))
         wanted = ("steps", "reached", *parameters, *there)
@@ -116,6 +116,13 @@ class Run:
             target_digest=_target_digest(spec, drawn),
             drawn=drawn,
         )
+
+
+def _parameters(spec: dict[str, Any]) -> list[str]:
+    """What its tasks are made of; nothing where the family is a plug-in that is not installed: settings and seed say it too."""
+    if spec["family"]["name"] not in FAMILIES:
+        return []
+    return [parameter.name for parameter in family_of(spec).parameters()]
 
 
 def _target_digest(spec: dict[str, Any], drawn: Sequence[NDArray[Any]]) -> str:

@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import Family
+from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.learning import Learning
-from qinit_cli.methods import Method
+from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
+from qinit_cli.registry import PLUG_IN
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FitOptions
@@ -96,6 +97,19 @@ def tuning(
         "inputs": [content],
         "sources": {name: value for name, value in sources.items() if name != "kind"},
     }
+
+
+def plug_ins(spec: Mapping[str, Any]) -> dict[str, str]:
+    """The plug-ins whose families and methods a spec names: "plug-in NAME", and the distribution with its version."""
+    families = [each["family"]["name"] for each in (spec, spec.get("sources", {})) if "family" in each]
+    method = spec.get("method", {})
+    methods = [
+        *(each["name"] for each in (method, method.get("init", {})) if "name" in each),
+        *spec.get("initialisations", []),
+    ]
+    packages = [(name, FAMILIES.package(name)) for name in families]
+    packages += [(name, METHODS.package(name)) for name in methods]
+    return {f"{PLUG_IN} {name}": package for name, package in packages if package}
 
 
 def source_set(fitted: Spec) -> Spec:

@@ -13,10 +13,13 @@ import pytest
 
 from qinit_cli import specs
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.family import draw_tasks
+from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit, FitOptions
 from qinit_cli.kernels.batch import Watch
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
+from qinit_cli.seeding import Stream
 from qinit_cli.stages.fit import Selection, fit
 from qinit_cli.stages.sources import SourceTasks, learn_sources
 from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
@@ -26,11 +29,28 @@ from store.work import open_work
 
 SMALL: dict[str, dict[str, Any]] = {"gridworld": {"size": 5}, "mountain-car": {"bins": 8, "noise": 0.002}}
 SOURCES, TARGETS, EPISODES = 3, 3, 30
-EVERY = [(family, method) for family in FAMILIES for method in METHODS]
+DISTANT = {"drs"}  # methods that need a distance to the goal
 
 
 def small(name: str) -> Family:
     return FAMILIES[name](**SMALL.get(name, {}))
+
+
+def has_distance(name: str) -> bool:
+    family = small(name)
+    try:
+        family.nearness(draw_tasks(family, 0, Stream.TARGET_TASK, np.arange(1)), 0.9, linear=False)
+    except NotAllowed:
+        return False
+    return True
+
+
+EVERY = [
+    (family, method)
+    for family in FAMILIES
+    for method in METHODS
+    if method not in DISTANT or has_distance(family)
+]
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +90,8 @@ def test_a_method_trains_and_its_seed_decides_all(family: str, method: str, know
     assert ((rows["steps"] >= 1) & (rows["steps"] <= 200)).all()
     for name in rows.keys() - {"seconds"}:
         np.testing.assert_array_equal(rows[name], again[name])
-    assert any(not np.array_equal(rows[name], other[name]) for name in ("eta", "p") if name in rows)
+    parameters = [column.name for column in small(family).parameters()]
+    assert any(not np.array_equal(rows[name], other[name]) for name in parameters)
     assert ((initial.start >= 0) & (initial.start <= 1)).all()
 
 
@@ -131,9 +152,10 @@ def test_knowing_nothing_a_method_is_zero(family: str, method: str, known: dict[
         np.testing.assert_array_equal(rows[name], plain[name])
 
 
-@pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("init", initialisations())
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if issubclass(method, Plus)])
+@pytest.mark.parametrize(
+    ("family", "method"), [(family, method) for family, method in EVERY if issubclass(METHODS[method], Plus)]
+)
 def test_every_initialisation_starts_every_plus(
     family: str, method: str, init: str, known: dict[str, Fit]
 ) -> None:
@@ -141,6 +163,12 @@ def test_every_initialisation_starts_every_plus(
     start, _ = transferred(family, METHODS[init](), known[family])
     np.testing.assert_array_equal(initial.start, start.start)
     assert rows["steps"].shape == (TARGETS, EPISODES)
+
+
+@pytest.mark.parametrize("family", [family for family in FAMILIES if (family, "drs") not in EVERY])
+def test_without_a_distance_drs_is_refused_in_a_sentence(family: str, known: dict[str, Fit]) -> None:
+    with pytest.raises(NotAllowed, match=f"^{family} has no distance to its goal"):
+        transferred(family, METHODS["drs"](), known[family])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -155,4 +183,5 @@ def test_the_readme_has_an_executed_example_of_every_family_and_method() -> None
     readme = (Path(__file__).parents[1] / "README.md").read_text()
     executed = "\n".join(re.findall(r"^```sh\n(.*?)^```", readme, re.MULTILINE | re.DOTALL))
     words = set(re.findall(r"[\w-]+", executed))
-    assert [name for name in (*FAMILIES, *METHODS) if name not in words] == []
+    own = [name for registry in (FAMILIES, METHODS) for name in registry if registry.is_own(name)]
+    assert [name for name in own if name not in words] == []

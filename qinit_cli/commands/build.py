@@ -19,6 +19,7 @@ from typer.core import TyperGroup
 
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import flag, options
+from qinit_cli.registry import Registry
 
 OF_ONE_CALL = {
     "output",
@@ -127,6 +128,25 @@ def add_command(
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     app.command(name, help=help, rich_help_panel=panel)(command)
+
+
+def add_each(
+    app: typer.Typer, registry: Registry[Any], add: Callable[[typer.Typer, str, type[Any]], None]
+) -> None:
+    """Adds a command for each family or method, if `add` makes one; a plug-in whose options cannot is left out with a warning."""
+    for name, kind in list(registry.items()):
+        if registry.is_own(name):
+            add(app, name, kind)
+            continue
+        alone = typer.Typer()
+        try:
+            add(alone, name, kind)
+            if alone.registered_commands:
+                typer.main.get_command(alone)
+        except Exception as error:  # of any kind: the options are somebody else's
+            registry.refuse(name, f"its options make no command: {error}")
+        else:
+            app.registered_commands += alone.registered_commands
 
 
 def _artefact_names(context: typer.Context, arguments: list[str], incomplete: str) -> list[str]:

@@ -95,11 +95,13 @@ def make_fit(
 ) -> tuple[Made, dict[str, Any], Asked]:
     """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
     from qinit_cli.commands.making import Made, Tally, target_path
+    from qinit_cli.specs import plug_ins
     from store.reading import describe, open_artefact
     from store.work import open_work
 
     with open_artefact(path, "sources") as source:
         asked = _asked(source, fitting)
+        origin = origin | plug_ins(asked.spec)
         target = target_path(output, "fit", asked.stem, asked.spec)
         with open_work(
             target, asked.schema, asked.spec, force=output.force, wait=output.wait, provenance=origin
@@ -133,7 +135,7 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
         raise NotAllowed(
             f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
         )
-    family = family_of(source.spec)
+    family = family_of(source.spec, source.provenance)
     selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
     return Asked(
         family,

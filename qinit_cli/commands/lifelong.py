@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.build import Group, Reference, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.transfer import (
@@ -63,27 +64,29 @@ class Living:
 
 def add_to(methods: typer.Typer) -> None:
     """Adds one subcommand per method."""
-    targets = learning_group()
-    for name, method in METHODS.items():
-        add_command(
-            methods,
-            name,
-            lifelong,
-            {
-                "method": Group(method, "Method"),
-                "living": Group(Living, "Lifetime"),
-                "learning": targets,
-                "output": OUTPUT,
-                "work": WORK,
-                "display": DISPLAY,
-            },
-            references=(
-                Reference(
-                    "known", "A fit, or sources to fit first: a path, a name in the store, or - for stdin."
-                ),
+    add_each(methods, METHODS, partial(_add, learning_group()))
+
+
+def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) -> None:
+    add_command(
+        methods,
+        name,
+        lifelong,
+        {
+            "method": Group(method, "Method"),
+            "living": Group(Living, "Lifetime"),
+            "learning": targets,
+            "output": OUTPUT,
+            "work": WORK,
+            "display": DISPLAY,
+        },
+        references=(
+            Reference(
+                "known", "A fit, or sources to fit first: a path, a name in the store, or - for stdin."
             ),
-            help=method.__doc__ or "",
-        )
+        ),
+        help=method.__doc__ or "",
+    )
 
 
 def lifelong(

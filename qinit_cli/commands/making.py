@@ -11,12 +11,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import Progress, detail, note
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
+from qinit_cli.registry import PLUG_IN
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -86,7 +88,7 @@ def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar
     from store.work import open_work
 
     path, asked = place(plan, output, work), share_of(plan.count, *work.share)
-    origin = provenance(plan.read, plan.command)
+    origin = provenance(plan.read, plan.command, plan.spec)
     with open_work(
         path, plan.schema, plan.spec, tasks=asked, force=output.force, wait=output.wait, provenance=origin
     ) as artefact:
@@ -127,14 +129,23 @@ def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -
     return path
 
 
-def provenance(read: Path | None = None, command: Sequence[str] = ()) -> dict[str, str]:
-    """The command that makes this artefact, as typed with `-` replaced by what was read; time, versions and platform."""
+def provenance(
+    read: Path | None = None, command: Sequence[str] = (), spec: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, str]:
+    """The command that makes this artefact, as typed with `-` replaced by what was read; time, versions and platform.
+
+    Also which plug-ins had a part in what was read, or have one in what the `spec` names.
+    """
+    from qinit_cli.specs import plug_ins
+
     words = command or sys.argv[1:]
     typed = [str(read) if argument == "-" and read is not None else argument for argument in words]
     return {
         "command": shlex.join(["qinit", *typed]),
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         **_surroundings(),
+        **({} if read is None else plug_ins_behind(read)),
+        **plug_ins(spec),
     }
 
 
@@ -149,6 +160,14 @@ def _surroundings() -> dict[str, str]:
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
+
+
+def plug_ins_behind(path: Path) -> dict[str, str]:
+    """The plug-ins that an artefact was made with, as its provenance tells them."""
+    from store.reading import describe
+
+    origin = describe(path).provenance
+    return {key: str(value) for key, value in origin.items() if key.startswith(PLUG_IN)}
 
 
 def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:

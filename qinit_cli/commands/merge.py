@@ -32,7 +32,7 @@ def add_to(app: typer.Typer) -> None:
 def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     """Joins the shares, and prints the path of the whole."""
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import provenance
+    from qinit_cli.commands.making import plug_ins_behind, provenance
     from qinit_cli.commands.rewriting import say_written
     from store.mend import merge as join
     from store.reading import describe
@@ -40,7 +40,8 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     paths = references.many(artefacts, rewriting.store)
     whole = SHARE.sub("", paths[0].name)
     name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
-    target = join(paths, rewriting.target(paths[0], name), provenance(), force=rewriting.force)
+    origin = provenance() | plug_ins_behind(paths[0])
+    target = join(paths, rewriting.target(paths[0], name), origin, force=rewriting.force)
     made = describe(target)
     asked = made.spec.get("tasks", made.tasks)
     sentence = f"{made.tasks} tasks of {len(paths)} shares"

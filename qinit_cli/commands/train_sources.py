@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from qinit_cli.commands.build import Group, add_command
+from qinit_cli.commands.build import Group, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family
@@ -63,20 +63,23 @@ class LearningSources:
 
 def add_to(families: typer.Typer) -> None:
     """Adds one subcommand per family."""
-    for name, family in FAMILIES.items():
-        add_command(
-            families,
-            name,
-            partial(train_sources, name),
-            {
-                "family": Group(family, "Distribution"),
-                "sources": Group(LearningSources, "Learning", _defaults(family)),
-                "output": OUTPUT,
-                "work": WORK,
-                "display": DISPLAY,
-            },
-            help=family.__doc__ or "",
-        )
+    add_each(families, FAMILIES, _add)
+
+
+def _add(families: typer.Typer, name: str, family: type[Family]) -> None:
+    add_command(
+        families,
+        name,
+        partial(train_sources, name),
+        {
+            "family": Group(family, "Distribution"),
+            "sources": Group(LearningSources, "Learning", _defaults(family)),
+            "output": OUTPUT,
+            "work": WORK,
+            "display": DISPLAY,
+        },
+        help=family.__doc__ or "",
+    )
 
 
 def _defaults(family: type[Family]) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.build import Group, Reference, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family, family_of
@@ -125,23 +125,25 @@ def learning_group() -> Group:
 
 def add_to(methods: typer.Typer) -> None:
     """Adds one subcommand per method."""
-    targets = learning_group()
-    for name, method in METHODS.items():
-        add_command(
-            methods,
-            name,
-            transfer,
-            {
-                "method": Group(method, "Method"),
-                **({"tuned": Group(Tuned, "Method")} if tunable(method) else {}),
-                "learning": targets,
-                "output": OUTPUT,
-                "work": WORK,
-                "display": DISPLAY,
-            },
-            references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
-            help=method.__doc__ or "",
-        )
+    add_each(methods, METHODS, partial(_add, learning_group()))
+
+
+def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) -> None:
+    add_command(
+        methods,
+        name,
+        transfer,
+        {
+            "method": Group(method, "Method"),
+            **({"tuned": Group(Tuned, "Method")} if tunable(method) else {}),
+            "learning": targets,
+            "output": OUTPUT,
+            "work": WORK,
+            "display": DISPLAY,
+        },
+        references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
+        help=method.__doc__ or "",
+    )
 
 
 def _defaults() -> dict[str, str]:

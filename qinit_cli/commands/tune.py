@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.build import Group, Reference, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Output, Tabular, Work, store_option
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
@@ -57,22 +57,27 @@ class Keeping:
 
 def add_to(methods: typer.Typer) -> None:
     """Adds one subcommand per method that has parameters to choose."""
-    for name, method in tunable_methods().items():
-        add_command(
-            methods,
-            name,
-            partial(tune, method),
-            {
-                "grid": Group(_grid_options(method), "Values to try, each combination of them"),
-                "fixed": Group(_fixed_options(method), "Method"),
-                "rehearsing": Group(Rehearsing, "Learning"),
-                "keeping": Group(Keeping, "Artefact"),
-                "tabular": TABULAR,
-                "display": DISPLAY,
-            },
-            references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
-            help=method.__doc__ or "",
-        )
+    add_each(methods, METHODS, _add)
+
+
+def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
+    if not tunable(method):
+        return
+    add_command(
+        methods,
+        name,
+        partial(tune, method),
+        {
+            "grid": Group(_grid_options(method), "Values to try, each combination of them"),
+            "fixed": Group(_fixed_options(method), "Method"),
+            "rehearsing": Group(Rehearsing, "Learning"),
+            "keeping": Group(Keeping, "Artefact"),
+            "tabular": TABULAR,
+            "display": DISPLAY,
+        },
+        references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
+        help=method.__doc__ or "",
+    )
 
 
 def tunable_methods() -> dict[str, type[Method]]:

@@ -25,14 +25,22 @@ class Family(Protocol):
     """A distribution of tasks over one state-action space: reward 1 on entering a terminal goal, else 0."""
 
     name: ClassVar[str]
-    actions: ClassVar[tuple[str, ...]]
-    tabular: ClassVar[bool]  # Markov in its table's states: exact tables exist
     source_tasks: ClassVar[int]
     target_tasks: ClassVar[int]
     source_learning: ClassVar[Learning]
     target_learning: ClassVar[Learning]
 
     def __init__(self, **settings: Any) -> None: ...
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """The actions' names."""
+        ...
+
+    @property
+    def tabular(self) -> bool:
+        """Whether it is Markov in its table's states: exact tables exist."""
+        ...
 
     @property
     def label(self) -> str:

@@ -2,7 +2,7 @@
 
 Numba's own stamp covers a function's own file: after an edit to a callee elsewhere the old code would keep
 running. The folder is therefore named for the bytes of every kernel file and the version of Numba: other
-code, other folder.
+code, other folder. What a plug-in compiles goes to a folder that is named for its files as well.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -25,13 +26,13 @@ UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 @cache
-def cache_folder() -> Path | None:
-    """Where machine code is kept, made if need be; None if that place cannot be written.
+def cache_folder(module: str = __name__) -> Path | None:
+    """Where machine code of a module's package is kept, made if need be; None if that place cannot be written.
 
     Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache).
     """
     digest = hashlib.sha256(metadata.version("numba").encode())
-    for file in sorted(Path(__file__).parent.glob("*.py")):
+    for file in [*sorted(Path(__file__).parent.glob("*.py")), *_others(module)]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
     folder = _base() / f"kernels-{digest.hexdigest()[:16]}"
     try:
@@ -69,28 +70,42 @@ def note_compiled(job: str) -> None:
 
 def compiled(function: Callable[..., Any]) -> Any:
     """The function, compiled at its first call and kept in the cache folder; runs without the lock."""
-    return _compile(function, {})
+    return _compile(function, {}, cache_folder(function.__module__))
 
 
 def lean(function: Callable[..., Any]) -> Any:
     """As `compiled`, for functions that make no array: nobody counts references to those they are given."""
-    return _compile(function, LEAN)
+    return _compile(function, LEAN, cache_folder(function.__module__))
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """As `lean`, for functions that only compiled functions call: half the time to compile."""
-    return _compile(function, LEAN | UNWRAPPED)
+    return _compile(function, LEAN | UNWRAPPED, cache_folder(function.__module__))
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """As `inner`, and made part of each caller."""
-    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True})
+    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True}, cache_folder(function.__module__))
 
 
-def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def kept_with(module: str, function: Callable[..., Any]) -> Any:
+    """As `lean`, kept with the code of that module's package, which the function calls for some of its arguments."""
+    return _compile(function, LEAN, cache_folder(module))
+
+
+def unkept(function: Callable[..., Any]) -> Any:
+    """As `inner`, kept in its callers alone: for what calls code of other packages, as `kept_with` says."""
+    return _compile(function, LEAN | UNWRAPPED, None)
+
+
+def unkept_inlined(function: Callable[..., Any]) -> Any:
+    """As `unkept`, and made part of each caller."""
+    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True}, None)
+
+
+def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path | None) -> Any:
     import numba
 
-    folder = cache_folder()
     config: Any = numba.config
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(folder or "")
@@ -108,6 +123,16 @@ def _remove_unused(base: Path) -> None:
                 doomed = base / f"removed-{os.getpid()}-{folder.name}"
                 folder.rename(doomed)  # at once: nobody finds half a folder
                 shutil.rmtree(doomed)
+
+
+def _others(module: str) -> list[Path]:
+    """The files of the package that a module belongs to, none if that is ours."""
+    top = sys.modules[module.partition(".")[0]]
+    if top is sys.modules[__name__.partition(".")[0]]:
+        return []
+    if hasattr(top, "__path__"):
+        return sorted(file for folder in top.__path__ for file in Path(folder).rglob("*.py"))
+    return [Path(top.__file__)] if top.__file__ else []
 
 
 def _base() -> Path:

@@ -54,7 +54,7 @@ class Posterior(NamedTuple):
     tables: int  # K without the padding
     actions: int
     values: Any  # f8 (S * A, K)
-    worth: Any  # f8 (S + 1, K) of entering a state: gamma max_a Q_i, the last row that of the goal, 1
+    worth: Any  # f8 (S + 2, K) of entering a state: gamma max_a Q_i; the last two are the goal's, 1, and that of being lost, 0
     precision: Any  # f8 (S * A, K) 1 / (td_var + floor^2); 0 where the table does not know the pair
     terms: Any  # f8 (S * A, K) what M averages: Q_i or ln Q_i, 0 where unknown
     temperature: float
@@ -93,7 +93,8 @@ def new_posterior(
         return across
 
     known = hypotheses.q > 0
-    worth = np.ones((states + 1, padded))
+    worth = np.zeros((states + 2, padded))
+    worth[states] = 1.0
     worth[:states] = columns(gamma * hypotheses.q.max(axis=2))
     values = columns(hypotheses.q)
     logs = (
@@ -145,14 +146,14 @@ def begin(posterior, tasks, lane, task):
             left[state * posterior.actions + action] = 1.0
     posterior.version[lane] = posterior.goals[lane] = posterior.next_moment[lane] = 0
     posterior.live[lane] = True
-    _record(posterior, lane, task, 0)
+    record(posterior, lane, task, 0)
 
 
 @inlined
 def weigh(posterior, lane, task, state, action, after):
     """What a step says, after its update: moves the weights and, if they have moved far enough, the version of M.
 
-    `after` is the state it led to, or the number of states if that was the goal.
+    `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere.
     """
     pair = posterior.actions * np.int64(state) + np.int64(action)
     posterior.left[lane, pair] *= posterior.kept
@@ -200,7 +201,7 @@ def _correct(posterior, lane, own, state, gamma):
     start, left = posterior.start[lane], posterior.left[lane]
     for action in range(posterior.actions):
         pair = posterior.actions * state + action
-        mean = _mean(posterior, lane, pair)
+        mean = mean_at(posterior, lane, pair)
         own.rows[row + action] += left[pair] * (mean - start[pair])
         start[pair] = mean
         best = max(best, own.rows[row + action])
@@ -211,7 +212,7 @@ def _correct(posterior, lane, own, state, gamma):
 
 
 @inner
-def _mean(posterior, lane, pair):
+def mean_at(posterior, lane, pair):
     """M at a state-action: the mean of the tables that know it, under the weights; 0 where none does."""
     mixed, terms, precision = posterior.mixed[lane], posterior.terms[pair], posterior.precision[pair]
     above, below = load_reals(mixed, 0) * 0.0, load_reals(mixed, 0) * 0.0
@@ -231,23 +232,29 @@ def end_episode(posterior, lanes, own, lane, reached, goal, setting, evaluated):
 
     To be called before the episode is noted: `lanes.ended` does not count it yet. `goal` is the row of the terminal state.
     """
-    task, ended = lanes.task[lane], lanes.ended[lane] + 1
+    last = count_goal(posterior, lanes.task[lane], lane, reached, lanes.ended[lane] + 1, setting.episodes)
+    if last or evaluated:
+        for state in range(posterior.current.shape[1]):
+            refresh(posterior, lane, own, state, setting.gamma)
+        make_terminal(own.rows, goal)
+
+
+@inner
+def count_goal(posterior, task, lane, reached, ended, episodes):
+    """True if the weights are read no more after the first `ended` episodes: they freeze, or the task is done. Records them."""
     posterior.goals[lane] += reached
     freezes = reached and posterior.goals[lane] == posterior.freeze
     if freezes:
         posterior.frozen[task] = ended
-    if freezes or evaluated or ended == setting.episodes:
-        for state in range(posterior.current.shape[1]):
-            refresh(posterior, lane, own, state, setting.gamma)
-        make_terminal(own.rows, goal)
-    if freezes or ended == setting.episodes:
+    last = freezes or ended == episodes
+    if last:
         posterior.live[lane] = False
-        ended = setting.episodes
-    _record(posterior, lane, task, ended)
+    record(posterior, lane, task, episodes if last else ended)
+    return last
 
 
 @inner
-def _record(posterior, lane, task, ended):
+def record(posterior, lane, task, ended):
     """Notes the weights for every moment that has come; those after freezing hold the same."""
     while posterior.next_moment[lane] < len(posterior.moments):
         moment = posterior.next_moment[lane]

@@ -1,6 +1,11 @@
-"""The registry of methods: one line each, and the method appears as a subcommand, in the tables and in the contract tests."""
+"""The registry of methods: one line each, and the method appears as a subcommand, in the tables and in the contract tests.
+
+Those of installed plug-ins (entry points `qinit.methods`) are in it too.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 from qinit_cli.methods.drs import Drs
 from qinit_cli.methods.logqinit_mean import LogQInitMean
@@ -16,10 +21,12 @@ from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.targets import Targets
 from qinit_cli.methods.ucoi import Ucoi
 from qinit_cli.methods.zero import Zero
+from qinit_cli.registry import Registry
 
-METHODS: dict[str, type[Method]] = {
-    method.name: method
-    for method in (
+METHODS: Registry[Method] = Registry(
+    "qinit.methods",
+    "method",
+    (
         Zero,
         Mean,
         MaxQInit,
@@ -32,7 +39,15 @@ METHODS: dict[str, type[Method]] = {
         Drs,
         OpsTl,
         Posterior,
-    )
-}
+    ),
+    lambda found: _fault(found),
+)
 
 __all__ = ["METHODS", "Initial", "Method", "Targets"]
+
+
+def _fault(found: type[Any]) -> str:
+    """What a class lacks to be a method."""
+    if not issubclass(found, Method):
+        return "its class is no Method"
+    return "" if isinstance(getattr(found, "formula", None), str) else "it lacks a formula"

@@ -36,7 +36,7 @@ def drawn(
     Runs that met only the first of the others' targets are drawn beside them and labelled so, as `optimal` where its tables
     are costly.
     """
-    from qinit_cli.environments import family_of
+    from qinit_cli.environments import label_of
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
@@ -49,7 +49,7 @@ def drawn(
     for other in others:
         few = f", first {len(other.any_run.steps)} targets"
         lines += [_curve(entry, other, metric, smooth, few) for entry in other.entries]
-    own = family_of(group.any_run.spec).label
+    own = label_of(group.any_run.spec)
     with house_style():
         figure = drawing.curves(
             lines, METRIC_LABELS[metric], own if title is None else title, _band_words(group), width

@@ -53,7 +53,9 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
         with open_artefact(path, "sources") as artefact:
             spec = artefact.spec
             key = canonical_json({name: spec[name] for name in ("family", "learner", "learning")})
-            one = found.setdefault(key, Distribution(family_of(spec), spec, path.stem[-8:], [], [], 0))
+            one = found.setdefault(
+                key, Distribution(family_of(spec, artefact.provenance), spec, path.stem[-8:], [], [], 0)
+            )
             before = sum(map(len, one.tasks))
             for tasks, block in _unseen(artefact, one.family, columns, seen.setdefault(key, set())):
                 one.tasks.append(tasks)

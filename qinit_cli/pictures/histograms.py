@@ -35,7 +35,7 @@ def drawn(
     from store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
-        family = family_of(artefact.spec)
+        family = family_of(artefact.spec, artefact.provenance)
         chosen = _states(states, family)
         if len(chosen) > MOST_STATES[width]:
             raise UsageError(

@@ -32,7 +32,7 @@ def drawn(
     from store.reading import open_artefact
 
     with open_artefact(path, "fit") as artefact:
-        family = family_of(artefact.spec["sources"])
+        family = family_of(artefact.spec["sources"], artefact.provenance)
         tested = _tested(artefact, family, of, action)
         words = _words(artefact, tested, of)
     axes = sides(family)

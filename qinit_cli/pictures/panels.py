@@ -130,7 +130,11 @@ def _table(path: Path, quantity: str) -> Panels:
         unit = "" if column.unit == "1" else f" ({column.unit}s)"
         label = f"{column.long_name}{unit}, action of the largest mean"
         return Panels(
-            family_of(sources), artefact.content_sha256, f"seed {sources['seed']}", label, {quantity: table}
+            family_of(sources, artefact.provenance),
+            artefact.content_sha256,
+            f"seed {sources['seed']}",
+            label,
+            {quantity: table},
         )
 
 
@@ -145,7 +149,13 @@ def _start(path: Path) -> Panels:
         start = artefact.read("start").max(axis=-1)
         if any(column.name == "start" for column in artefact.schema.task_columns):
             start, label = start.mean(axis=0), f"{label}, mean of targets"
-        return Panels(family_of(artefact.spec), fit, f"fit {fit[:8]}", START_LABEL, {label: start.ravel()})
+        return Panels(
+            family_of(artefact.spec, artefact.provenance),
+            fit,
+            f"fit {fit[:8]}",
+            START_LABEL,
+            {label: start.ravel()},
+        )
 
 
 def _add(column: Panels, more: Panels, path: Path) -> None:

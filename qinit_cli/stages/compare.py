@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from qinit_cli.environments import family_of
+from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
@@ -89,7 +89,7 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
 
 def _title(group: Group, targets: int, episodes: int) -> str:
     anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
-    label, counted = family_of(group.any_run.spec).label, f"{episodes} {group.any_run.unit}{anywhere}"
+    label, counted = label_of(group.any_run.spec), f"{episodes} {group.any_run.unit}{anywhere}"
     if not group.shared:
         return f"{label}, {group.sets} source sets, {targets} targets of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "

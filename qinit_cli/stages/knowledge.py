@@ -28,7 +28,7 @@ class Knowledge:
         """The fit at `path`, verified."""
         with open_artefact(path, "fit") as artefact:
             sources = artefact.spec["sources"]
-            family = family_of(sources)
+            family = family_of(sources, artefact.provenance)
             names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
             fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])

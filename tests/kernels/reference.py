@@ -277,11 +277,16 @@ class Weighed:
         self.history.append(self.weight)
 
 
+def ended(world) -> bool:
+    """True if the world can end without its goal, and has."""
+    return getattr(world, "lost", False)
+
+
 def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
     """Length of a greedy episode from the target start, and whether it reached the goal."""
     world.reset_to_target(draws)
     length, reached = 0, False
-    while not reached and length < horizon:
+    while not (reached or ended(world)) and length < horizon:
         draw = next(draws)
         reached = world.step(draw, chosen(draw, q[world.state], 0), draws)
         length += 1
@@ -311,7 +316,7 @@ def learn(
             break
         world.reset()
         length, reached = 0, False
-        while not reached and length < learning.horizon:
+        while not (reached or ended(world)) and length < learning.horizon:
             draw = next(dice)
             state = world.state
             action = chosen(draw, q[state], exploration)
@@ -321,9 +326,10 @@ def learn(
                     action = int(choices.policies[choices.chosen][state])
             reached = world.step(draw, action)
             length += 1
-            target = 1.0 if reached else learning.gamma * max(q[world.state])
+            over = reached or ended(world)
+            target = float(reached) if over else learning.gamma * max(q[world.state])
             if potential is not None:
-                target += 0.0 if reached else learning.gamma * float(potential[world.state])
+                target += 0.0 if over else learning.gamma * float(potential[world.state])
                 target -= float(potential[state])
             error = target - q[state][action]
             q[state][action] += learning.alpha * error

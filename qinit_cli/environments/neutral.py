@@ -1,0 +1,237 @@
+"""What a family has unless it says otherwise, and families that are given by the transitions of their tasks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fields import check, options
+from qinit_cli.learning import Learning
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from qinit_cli.arrays import Flags, Floats, Tasks
+    from qinit_cli.kernels.batch import Worlds
+    from qinit_cli.kernels.tables import Tables
+    from store.schema import Axis, Column
+
+EXACT_TOLERANCE = 1e-12  # on V
+LIKELY = 0.5  # a policy has solved a task that reaches the goal at least so often
+
+
+class NeutralFamily:
+    """A family that has no exact tables, no distance and no moving goal; subclasses replace the parts they have.
+
+    A subclass is a frozen dataclass with `name` and `actions`, and has at least axes, parameters, draw, worlds, start_value,
+    path_lengths, solved and solvable.
+    """
+
+    name: ClassVar[str]
+    actions: ClassVar[tuple[str, ...]]
+    tabular: ClassVar[bool] = False
+    source_tasks: ClassVar[int] = 100
+    target_tasks: ClassVar[int] = 100
+    source_learning: ClassVar[Learning] = Learning(
+        alpha=0.1, gamma=0.95, epsilon=0.5, episodes=10_000, horizon=200, start="anywhere"
+    )
+    target_learning: ClassVar[Learning] = Learning(
+        alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
+    )
+
+    def __post_init__(self) -> None:
+        check(self)  # type: ignore[arg-type]  # every concrete family is a dataclass
+
+    @property
+    def label(self) -> str:
+        """The name, with the options that are not at their default."""
+        told = [
+            f"{field.name.replace('_', '-')}-{getattr(self, field.name)}"
+            for field in options(type(self))
+            if getattr(self, field.name) != field.default
+        ]
+        return "-".join([self.name, *told])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The state axes' lengths."""
+        return tuple(len(axis.values) for axis in self.axes())
+
+    def axes(self) -> tuple[Axis, ...]:
+        """The state axes."""
+        raise NotImplementedError
+
+    def parameters(self) -> tuple[Column, ...]:
+        """What a task is made of: one column each."""
+        raise NotImplementedError
+
+    def draw(self, chance: np.random.Generator) -> tuple[Any, ...]:
+        """One task: a value for each parameter."""
+        raise NotImplementedError
+
+    def shown_states(self) -> tuple[tuple[float, ...], ...]:
+        """The first state, the one in the middle and the last, along every axis."""
+        return tuple(
+            tuple(float(axis.values[int(at * (len(axis.values) - 1))]) for axis in self.axes())
+            for at in (0.0, 0.5, 1.0)
+        )
+
+    def goal_chances(self) -> Floats:
+        """Zeros, (S,): nothing is known of where goals are."""
+        import numpy as np
+
+        return np.zeros(int(np.prod(self.shape)))
+
+    def shifted(self, changes: dict[str, Any]) -> Self:
+        """The family with some fields changed; ValueError where tables of this family would not fit."""
+        changed = dataclasses.replace(self, **changes)  # type: ignore[type-var]  # a dataclass
+        if changed.shape != self.shape:
+            named = " and ".join(changes)
+            raise ValueError(f"the tables have {self.shape} states, with another {named} {changed.shape}")
+        return changed
+
+    @property
+    def warning(self) -> str:
+        """What whoever uses this distribution should know; nothing."""
+        return ""
+
+    def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
+        """The tasks as a compiled loop takes them."""
+        raise NotImplementedError
+
+    def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
+        """NotAllowed: there are no exact tables."""
+        raise NotAllowed(f"{self.name} has no exact tables; learn it by q-learning")
+
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+        """NotAllowed, as `solve`."""
+        raise NotAllowed(f"{self.name} has no exact tables, and the value of a policy on them is not defined")
+
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """NotAllowed: paths cannot be followed."""
+        raise NotAllowed(f"paths of {self.name} cannot be followed without learning; there is no map of them")
+
+    def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
+        """NotAllowed: the chance of a path is no matter of its length alone."""
+        raise NotAllowed(
+            f"in {self.name} the chance of a path does not follow from its length; no theory to check"
+        )
+
+    def nearness(self, tasks: Tasks, gamma: float, *, linear: bool) -> Floats:
+        """NotAllowed: there is no distance."""
+        raise NotAllowed(
+            f"{self.name} has no distance to its goal, which drs shapes by; choose another method"
+        )
+
+
+class TableFamily(NeutralFamily):
+    """A family whose tasks are tables of transitions: say those in `tables`, and the rest follows, exact tables too."""
+
+    tabular: ClassVar[bool] = True
+
+    def tables(self, tasks: Tasks) -> Tables:
+        """Where the steps of each task lead, with what chances."""
+        raise NotImplementedError
+
+    def starts(self) -> Floats:
+        """The chance that a target's episode starts in each state, (S,): the first one."""
+        import numpy as np
+
+        first: Floats = np.eye(1, int(np.prod(self.shape)))[0]
+        return first
+
+    def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
+        """The tasks as the compiled loop takes them."""
+        from qinit_cli.kernels.dice import seeds
+
+        return self.tables(tasks).worlds(seeds(own))
+
+    def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
+        """Exact Q* and the variance of a step's target under it, (B, S, A) each; Gauss-Seidel value iteration."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        q = np.empty(there.after.shape[:3])
+        td_var = np.empty_like(q)
+        tables_exact.solve(there.after, there.chance, there.open, gamma, EXACT_TOLERANCE, q, td_var)
+        return q, td_var
+
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+        """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        value = np.empty(q.shape[:2])
+        tables_exact.exploring_value(
+            there.after,
+            there.chance,
+            there.open,
+            learning.gamma,
+            learning.epsilon,
+            EXACT_TOLERANCE,
+            q,
+            value,
+        )
+        at_start: Floats = (value * there.start).sum(axis=1)
+        return at_start
+
+    def start_value(self, q: Floats) -> Floats:
+        """max_a of `q` (B, S, A) at the target start, (B,); its mean where that is drawn."""
+        values: Floats = q.max(axis=2) @ self.starts()
+        return values
+
+    def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """Expected optimal path lengths, (B, S, A); definition 1 of the paper, -1 where a path never arrives.
+
+        The likeliest next state may be unlikely, where a step has many outcomes: then a length says little.
+        """
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        eopl = np.empty(q.shape, np.int32)
+        tables_exact.path_lengths(there.after, there.chance, there.open, q, eopl)
+        return eopl
+
+    def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
+        """Whether greedy episodes from the target start reach the goal at least every other time, (B,)."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        share = np.empty(len(tasks))
+        tables_exact.arrival(there.after, there.chance, there.start, q, horizon, share)
+        likely: Flags = share >= LIKELY
+        return likely
+
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """The states on the way of likeliest steps from the likeliest start, (B, S); zeros where it does not arrive."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        visits = np.empty(q.shape[:2], np.int32)
+        tables_exact.greedy_visits(there.after, there.chance, there.start, q, horizon, visits)
+        return visits
+
+    def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
+        """Whether a way leads from the target start to the goal within the horizon, (B,)."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+
+        there = self.tables(tasks)
+        steps = np.empty(len(tasks), np.int64)
+        tables_exact.distances(there.after, there.chance, there.start, steps)
+        possible: Flags = (steps > 0) & (steps <= horizon)
+        return possible

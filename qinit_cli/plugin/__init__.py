@@ -1,0 +1,30 @@
+"""All that a plug-in may import of qinit, with `qinit_cli.plugin.kernels`; docs/plugins.md teaches it.
+
+These names stay. Here are those that cost nothing to import: a plug-in's modules are loaded to show help, so numpy, Numba and
+`qinit_cli.plugin.kernels` are imported inside its functions.
+"""
+
+from qinit_cli.environments.family import Family
+from qinit_cli.environments.neutral import NeutralFamily, TableFamily
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fields import check, option
+from qinit_cli.fitted import Fit
+from qinit_cli.learning import Learning
+from qinit_cli.methods.method import Initialisation, Method
+from qinit_cli.methods.plus import Plus
+from qinit_cli.methods.targets import Targets
+
+__all__ = [
+    "Family",
+    "Fit",
+    "Initialisation",
+    "Learning",
+    "Method",
+    "NeutralFamily",
+    "NotAllowed",
+    "Plus",
+    "TableFamily",
+    "Targets",
+    "check",
+    "option",
+]

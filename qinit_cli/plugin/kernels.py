@@ -1,0 +1,25 @@
+"""What a plug-in imports inside its functions: arrays, axes, and a compiled step of its own; imports numpy and Numba."""
+
+from qinit_cli.kernels.compiled import compiled, inlined
+from qinit_cli.kernels.dice import below, seeds, unit
+from qinit_cli.kernels.policies import Policies
+from qinit_cli.kernels.stepping import GOAL, LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.tables import Tables
+from store.schema import Axis, Column
+
+__all__ = [
+    "GOAL",
+    "LOST",
+    "Axis",
+    "Column",
+    "Policies",
+    "SteppedWorlds",
+    "Tables",
+    "below",
+    "compiled",
+    "inlined",
+    "seeds",
+    "starts",
+    "steps",
+    "unit",
+]

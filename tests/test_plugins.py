@@ -1,0 +1,239 @@
+"""The example plug-in, installed: a family with a compiled step of its own, and a method, in every command."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLE = Path(__file__).parent / "example_plugin"
+SMALL = ("--length", "8", "--tasks", "5", "--episodes", "300")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that the plug-in is installed in, and nothing else."""
+    folder = tmp_path_factory.mktemp("installed")
+    copy = shutil.copytree(EXAMPLE, folder / "source", ignore=shutil.ignore_patterns("__pycache__"))
+    offline = ("--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "-q")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", *offline, "--target", folder / "site", copy],
+        check=True,
+        capture_output=True,
+        timeout=120,
+    )
+    return folder / "site"
+
+
+def run(words: list[str], folder: Path, *paths: Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    found = os.pathsep.join([str(ROOT), *map(str, paths)])
+    return subprocess.run(
+        [sys.executable, *words],
+        env={name: value for name, value in os.environ.items() if not name.startswith("QINIT_")}
+        | {"PYTHONPATH": found},
+        cwd=folder,
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+@dataclass(frozen=True)
+class Made:
+    """What the plug-in's family and method left in a store, and qinit with and without it."""
+
+    folder: Path
+    sources: str
+    fit: str
+    runs: str  # a path a line
+    said: str
+    with_it: Callable[..., subprocess.CompletedProcess[str]]
+    without: Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def made(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("plugged")
+    said = []
+
+    def with_it(*words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+        return run(["-m", "qinit_cli", *words], folder, site, stdin=stdin)
+
+    def path(*words: str) -> str:
+        ended = with_it(*words)
+        assert ended.returncode == 0, ended.stderr
+        said.append(ended.stderr)
+        return ended.stdout.strip()
+
+    sources = path("train-sources", "corridor", *SMALL)
+    fit = path("fit", sources, "--holdout", "2")
+    runs = [path("transfer", name, fit, "--tasks", "4", "--episodes", "50") for name in ("zero", "cautious")]
+    runs.append(path("transfer", "ptrs", fit, "--tasks", "4", "--episodes", "50", "--init", "cautious"))
+    return Made(
+        folder,
+        sources,
+        fit,
+        "\n".join(runs),
+        "".join(said),
+        with_it,
+        lambda *words, stdin="": run(["-m", "qinit_cli", *words], folder, stdin=stdin),
+    )
+
+
+def told(ended: subprocess.CompletedProcess[str]) -> Any:
+    assert ended.returncode == 0, ended.stderr
+    return json.loads(ended.stdout)
+
+
+def test_both_subcommands_have_their_own_help(made: Made) -> None:
+    assert "corridor" in made.with_it("train-sources", "-h").stdout
+    assert "cautious" in made.with_it("transfer", "-h").stdout
+    family, method = (
+        made.with_it("train-sources", "corridor", "-h"),
+        made.with_it("transfer", "cautious", "-h"),
+    )
+    assert "Cells of the corridor." in family.stdout
+    assert "Standard deviations below the mean." in method.stdout
+    assert family.stderr == method.stderr == ""
+
+
+def test_the_whole_pipeline_runs_and_compares(made: Made) -> None:
+    rows = told(made.with_it("compare", "-", "--json", stdin=made.runs))["rows"]
+    assert [row["method"] for row in rows] == ["zero", "cautious", "ptrs+cautious"]
+    assert "relative error against exact tables" in made.said
+    assert "warning" not in made.said
+
+
+def test_the_exact_learner_and_a_shift_work(made: Made) -> None:
+    exact = made.with_it("train-sources", "corridor", "--length", "8", "--tasks", "3", "--learner", "exact")
+    assert exact.returncode == 0, exact.stderr
+    shifted = made.with_it("transfer", "zero", made.fit, "--tasks", "2", "--shift", "slip=0.4")
+    assert shifted.returncode == 0, shifted.stderr
+    refused = made.with_it("transfer", "zero", made.fit, "--tasks", "2", "--shift", "length=9")
+    assert refused.returncode == 2
+    assert "the tables have (8,) states, with another length (9,)" in refused.stderr
+
+
+def test_without_a_distance_drs_is_one_sentence(made: Made) -> None:
+    ended = made.with_it("transfer", "drs", made.fit)
+    assert ended.returncode == 4
+    assert ended.stderr.splitlines()[-1].startswith("qinit: corridor has no distance to its goal")
+
+
+def test_the_plug_ins_version_is_in_the_provenance_and_in_no_hash(made: Made) -> None:
+    for artefact in (made.sources, made.fit, *made.runs.splitlines()):
+        shown = told(made.with_it("show", artefact, "--json"))
+        assert shown["provenance"]["plug-in corridor"] == "qinit-corridor 0.1.0"
+        assert "0.1.0" not in json.dumps(shown["spec"])
+    assert shown["provenance"]["plug-in cautious"] == "qinit-corridor 0.1.0"
+
+
+def test_without_the_plug_in_what_it_made_can_be_read(made: Made) -> None:
+    artefacts = [made.sources, made.fit, *made.runs.splitlines()]
+    assert {row["family"] for row in told(made.without("list", "--json"))["rows"]} == {"corridor"}
+    assert made.without("verify", *artefacts).returncode == 0
+    for artefact in artefacts:
+        assert told(made.without("show", artefact, "--json"))["provenance"]["plug-in corridor"]
+    rows = told(made.without("compare", "-", "--json", stdin=made.runs))["rows"]
+    there = told(made.with_it("compare", "-", "--json", stdin=made.runs))["rows"]
+    assert [row["return"] for row in rows] == [row["return"] for row in there]
+    assert rows[1]["remark"] == "not installed here"
+
+
+@pytest.mark.parametrize("words", [("fit", "SOURCES"), ("transfer", "zero", "FIT")])
+def test_where_the_family_is_needed_the_missing_plug_in_is_named(words: tuple[str, ...], made: Made) -> None:
+    given = {"SOURCES": made.sources, "FIT": made.fit}
+    ended = made.without(*(given.get(word, word) for word in words))
+    assert (ended.returncode, ended.stdout) == (4, "")
+    assert ended.stderr == (
+        "qinit: the family corridor is not installed here; it came with qinit-corridor 0.1.0: "
+        "pip install qinit-corridor\n"
+    )
+
+
+def test_salvage_and_merge_keep_what_made_the_tasks(made: Made) -> None:
+    whole = made.without("salvage", made.sources, "-o", "salvaged.h5").stdout.strip()
+    assert told(made.without("show", whole, "--json"))["provenance"]["plug-in corridor"]
+
+
+LEARNED = """
+import numpy as np
+from qinit_cli.environments import FAMILIES
+from qinit_cli.environments.family import draw_tasks
+from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
+from qinit_cli.kernels.dice import lane_seeds, seeds
+from qinit_cli.learning import Learning
+from qinit_cli.seeding import Stream
+from qinit_cli.stages.sources import sequences
+
+family, some = FAMILIES["corridor"](length=9), np.arange(3)
+tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, some)
+own = sequences(0, Stream.SOURCE_WORLD, some)
+chance = Chance(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
+learning = Learning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
+by_step, by_table = (
+    learn(worlds, learning, Start(np.zeros((9, 2))), chance, Records(1), Watch())
+    for worlds in (family.worlds(tasks, own), family.tables(tasks).worlds(seeds(own)))
+)
+print(np.array_equal(by_step.q, by_table.q), int(by_step.step_count.sum()))
+"""
+
+
+def test_a_step_of_ones_own_learns_what_its_table_learns_and_is_compiled_anew_when_any_of_its_files_changes(
+    site: Path, tmp_path: Path
+) -> None:
+    same, steps = run(["-c", LEARNED], tmp_path, site).stdout.split()
+    assert same == "True"
+    other = shutil.copytree(site, tmp_path / "site")
+    walking = other / "qinit_corridor" / "walking.py"
+    walking.write_text(walking.read_text().replace("cell + steps", "cell + 2 * steps"))
+    changed, fewer = run(["-c", LEARNED], tmp_path, other).stdout.split()
+    assert changed == "False"
+    assert int(fewer) < int(steps)
+    walking.write_text(walking.read_text().replace("cell + 2 * steps", "cell + steps"))
+    assert run(["-c", LEARNED], tmp_path, other).stdout.split() == [same, steps]
+
+
+def test_our_own_kernels_are_found_compiled_whatever_is_plugged_in(site: Path, tmp_path: Path) -> None:
+    folder = "from qinit_cli.kernels.compiled import cache_folder; print(cache_folder())"
+    inside = "import qinit_corridor; from qinit_cli.kernels.compiled import cache_folder as c; print(c('qinit_corridor.kernel'))"
+    assert run(["-c", folder], tmp_path, site).stdout == run(["-c", folder], tmp_path).stdout
+    assert run(["-c", inside], tmp_path, site).stdout != run(["-c", folder], tmp_path).stdout
+
+
+def test_the_contract_tests_ask_whoever_is_installed(site: Path, tmp_path: Path) -> None:
+    wanted = "corridor-cautious or gridworld-cautious or (corridor and a_method_is_zero and ptrs)"
+    ended = run(
+        ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", wanted, str(ROOT / "tests/test_contract.py")],
+        ROOT,
+        site,
+    )
+    assert ended.returncode == 0, ended.stdout
+    assert (
+        "corridor"
+        in run(
+            ["-m", "pytest", "--collect-only", "-q", str(ROOT / "tests/test_contract.py")], ROOT, site
+        ).stdout
+    )
+
+
+def test_the_page_about_plug_ins_shows_the_example_as_it_is() -> None:
+    page = (ROOT / "docs" / "plugins.md").read_text()
+    shown = re.findall(r"^```(?:python|toml)\n(.*?)\n```$", page, re.MULTILINE | re.DOTALL)
+    files = [
+        path.read_text().rstrip()
+        for path in (EXAMPLE / "pyproject.toml", *EXAMPLE.rglob("qinit_corridor/*.py"))
+    ]
+    assert len(shown) == 4
+    assert [block for block in shown if block not in files] == []
