@@ -137,3 +137,24 @@ def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
         if not method.privileged
     }
     return Pipeline(store, sources, fit, runs)
+
+
+@pytest.fixture(scope="session")
+def hostile_run(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose label, command and settings are markup, as whoever wrote the file by hand could have it."""
+    import numpy as np
+
+    from store.reading import open_artefact
+    from store.work import open_work
+
+    label = "<script>alert(1)</script><img src=x onerror=alert(1)>"
+    path = tmp_path_factory.mktemp("hostile") / "hostile.h5"
+    with open_artefact(pipeline.runs["mean"], "run") as artefact:
+        spec = {**artefact.spec, "method": {**artefact.spec["method"], "label": label, "note": label}}
+        rows = artefact.rows(0, artefact.task_count)
+        own = {column.name: rows[column.name] for column in artefact.schema.task_columns}
+        statics = {column.name: artefact.read(column.name) for column in artefact.schema.static_columns}
+        with open_work(path, artefact.schema, spec) as work:
+            work.save({name: values for name, values in own.items() if name != "task_digest"}, artefact.tasks)
+            work.finish(np.arange(spec["tasks"]), statics, provenance={"command": label, label: label})
+    return path

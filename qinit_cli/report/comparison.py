@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from qinit_cli.report.content import Cell, Column, Table
+from qinit_cli.report.content import Block, Cell, Column, Folded, Table
 from qinit_cli.report.numbers import chance, interval, number
 
 Compared = dict[str, Any]  # the JSON object
 Row = dict[str, Any]
 
-OF_THE_TABLE = ("schema", "targets", "sets", "method", "remark", "baseline")  # what is no column of numbers
+METRICS = ("return", "success", "steps")
+# what a row is of, and what is said beside the table
+TOLD_APART = ("schema", "targets", "sets", "method", "remark", "negative_transfer")
+FOREMOST = ("difference", "p", "jumpstart", "asymptotic", "regret", "success", "restricted_steps")
 HEADINGS = {
     "jumpstart": "first 10",
     "asymptotic": "last 10 %",
     "restricted_steps": "steps",
+    "time_to_threshold": "median time to threshold",
+    "restricted_mean_time_to_threshold": "mean time to threshold (restricted)",
+    "censored": "share that never got there",
+    "iqm": "IQM",
 }
 MARKS = {"privileged": "†", "reconstruction": "‡"}
 MEANINGS = {
@@ -25,24 +32,27 @@ MEANINGS = {
 RESTRICTED = "Steps are min(steps, horizon): a method that seldom arrives looks better by them than it is."
 
 
-def tables(compared: Compared) -> Iterator[Table]:
-    """A table for each set of targets; a column with no number in it is left out."""
+def tables(compared: Compared) -> Iterator[Block]:
+    """A table for each set of targets, further measures folded away; a column with no number in it is left out."""
     for targets, rows in _by_targets(compared):
         over, baseline = _told(compared, targets)
-        keys = [key for key in _columns(rows) if any(row[key] is not None for row in rows)]
-        columns = [Column("method"), *(Column(_heading(key, baseline), numeric=True) for key in keys)]
-        body = [[_method(row), *(_cell(row, key) for key in keys)] for row in rows]
+        known = [key for key in _measures(rows) if any(row[key] is not None for row in rows)]
+        first = [key for key in (_metric(rows), *FOREMOST) if key in known]
+        rest = [key for key in known if key not in first]
         marks = [MEANINGS[mark] for mark in MARKS if any(mark in row["remark"] for row in rows)]
-        steps = [RESTRICTED] if "restricted_steps" in keys else []
+        steps = [RESTRICTED] if "restricted_steps" in first else []
         notes = [*([f"{over[0].upper()}{over[1:]}."] if over else []), *steps, *marks]
-        yield Table(targets, columns, body, [" ".join(notes)] if notes else [])
+        yield _table(targets, rows, first, baseline, [" ".join(notes)] if notes else [])
+        if rest:
+            more = _table(f"{targets}: further measures", rows, rest, baseline, [])
+            yield Folded(f"Further measures on {targets}", [more])
 
 
 def findings(compared: Compared) -> Iterator[str]:
     """For each set of targets, one sentence: which method is best, and which are worse than the baseline."""
     for targets, rows in _by_targets(compared):
         _, baseline = _told(compared, targets)
-        metric = _columns(rows)[0]
+        metric = _metric(rows)
         fewest = metric == "steps"
         own = [row for row in rows if row[metric] is not None and "privileged" not in row["remark"]]
         if len(own) < 2:
@@ -82,11 +92,25 @@ def _worse(row: Row, fewest: bool) -> bool:
     return bound is not None and bool(bound > 0 if fewest else bound < 0)
 
 
-def _columns(rows: Sequence[Row]) -> list[str]:
+def _metric(rows: Sequence[Row]) -> str:
+    """What the averages are of."""
+    return next(metric for metric in METRICS if f"{metric}_low" in rows[0])
+
+
+def _measures(rows: Sequence[Row]) -> list[str]:
     """The keys that are columns of their own: not the bounds of another."""
-    keys = [key for key in rows[0] if key not in OF_THE_TABLE]
+    keys = [key for key in rows[0] if key not in TOLD_APART]
     bounds = {f"{key}_{end}" for key in keys for end in ("low", "high")}
     return [key for key in keys if key not in bounds]
+
+
+def _table(
+    caption: str, rows: Sequence[Row], keys: Sequence[str], baseline: str, notes: Sequence[str]
+) -> Table:
+    columns = [Column("method"), *(Column(_heading(key, baseline), numeric=True) for key in keys)]
+    return Table(
+        caption, columns, [[_method(row), *(_cell(row, key) for key in keys)] for row in rows], notes
+    )
 
 
 def _heading(key: str, baseline: str) -> str:
@@ -100,6 +124,6 @@ def _method(row: Row) -> Cell:
 
 
 def _cell(row: Row, key: str) -> Cell:
-    if key == "p" or key.endswith("_p"):
+    if key == "p":
         return Cell(chance(row[key]))
     return Cell(number(row[key]), interval(row.get(f"{key}_low"), row.get(f"{key}_high")))

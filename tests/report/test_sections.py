@@ -31,6 +31,8 @@ def row(
         "regret_low": None,
         "regret_high": None,
         "remark": "",
+        "negative_transfer": None,
+        "iqm": None,
         **more,
     }
 
@@ -54,6 +56,7 @@ def texts(table: Table) -> list[list[str]]:
 
 def test_a_comparison_is_a_table_of_its_targets_with_intervals_beneath() -> None:
     [table] = comparison.tables(COMPARED)
+    assert isinstance(table, Table)
     assert table.caption == "gridworld-variance-7"
     assert [column.title for column in table.columns] == ["method", "return", "minus zero", "p"]
     assert texts(table)[:2] == [
@@ -96,7 +99,19 @@ def test_without_a_baseline_nothing_is_called_worse() -> None:
     [said] = comparison.findings({"intervals": [told], "rows": rows})
     assert "worse" not in said
     [table] = comparison.tables({"intervals": [told], "rows": rows})
+    assert isinstance(table, Table)
     assert [column.title for column in table.columns] == ["method", "return"]
+
+
+def test_measures_beyond_the_first_are_folded_away() -> None:
+    rows = [row("zero", 0.02, None, iqm=0.5, unheard_of=3)]
+    table, folded = comparison.tables({**COMPARED, "rows": rows})
+    assert isinstance(table, Table)
+    assert isinstance(folded, Folded)
+    [more] = folded.blocks
+    assert isinstance(more, Table)
+    assert [column.title for column in more.columns] == ["method", "IQM", "unheard of"]
+    assert texts(more) == [["zero", "0.5000", "3"]]
 
 
 def verdict(claim: str, answer: str, **more: Any) -> dict[str, Any]:
