@@ -29,6 +29,7 @@ MEANINGS = {
     "privileged": "† privileged: reads the target's own parameters.",
     "reconstruction": "‡ a reconstruction: the authors' formula is not public.",
 }
+WORSE = "Worse is what has the whole 95 % interval of its difference, uncorrected, on the wrong side of zero."
 RESTRICTED = "Steps are min(steps, horizon): a method that seldom arrives looks better by them than it is."
 
 
@@ -67,7 +68,7 @@ def findings(compared: Compared) -> Iterator[str]:
             if worse
             else f"none is shown to be worse than {baseline}"
         )
-        yield (f"{said}; {against} (by the 95 % interval of the difference)." if baseline else f"{said}.")
+        yield (f"{said}; {against}." if baseline else f"{said}.")
 
 
 def _by_targets(compared: Compared) -> list[tuple[str, list[Row]]]:

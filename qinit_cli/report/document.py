@@ -69,6 +69,7 @@ def _in_short(material: Material) -> list[Block]:
     )
     return [
         *([Points(found)] if found else []),
+        *([Text(comparison.WORSE)] if any("worse" in said for said in found) else []),
         Text(f"All of it rests on {rests}."),
         *([Pairs(material.made)] if material.made else []),
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +12,12 @@ Verdict = dict[str, Any]
 
 TONES = {"holds": "good", "does not hold": "bad", "depends": "open"}
 UNJUDGED = "not judged"
+SAID = {  # of one claim, of several
+    "holds": ("holds", "hold"),
+    "does not hold": ("does not hold", "do not hold"),
+    "depends": ("depends on a setting", "depend on settings"),
+    UNJUDGED: ("is not judged here", "are not judged here"),
+}
 DECIDES = {True: "holds", False: "does not hold", None: "told beside it"}
 
 
@@ -21,7 +26,7 @@ def blocks(verdicts: Sequence[Verdict]) -> list[Block]:
     rest = [one for one in verdicts if one["verdict"] == UNJUDGED]
     found: list[Block] = [_judgement(one) for one in verdicts if one["verdict"] != UNJUDGED]
     if rest:
-        lacking = Points([f"{one['claim']}, {one['statement']} {one['sentence']}" for one in rest])
+        lacking = Points([f"{one['claim']}: {one['statement']} {one['sentence']}" for one in rest])
         claims = "claim that is" if len(rest) == 1 else "claims that are"
         found.append(Folded(f"{len(rest)} {claims} not judged here, and what that would take", [lacking]))
     return found
@@ -29,12 +34,11 @@ def blocks(verdicts: Sequence[Verdict]) -> list[Block]:
 
 def findings(verdicts: Sequence[Verdict]) -> list[str]:
     """One sentence: how many claims hold, which do not; [] where none was judged."""
-    count = Counter(one["verdict"] for one in verdicts)
-    if not set(count) - {UNJUDGED}:
+    if all(one["verdict"] == UNJUDGED for one in verdicts):
         return []
     parts = [
-        f"{len(claims)} {answer} ({', '.join(claims)})"
-        for answer in (*TONES, UNJUDGED)
+        f"{len(claims)} {words[len(claims) > 1]} ({', '.join(claims)})"
+        for answer, words in SAID.items()
         if (claims := [one["claim"] for one in verdicts if one["verdict"] == answer])
     ]
     return [f"Of the paper's {len(verdicts)} claims {'; '.join(parts)}."]
@@ -46,7 +50,7 @@ def _judgement(one: Verdict) -> Judgement:
     sets = f", {counted(one['sets'], 'source set')}" if one["sets"] else ""
     measured = " ".join(part for part in (number(one["value"]), interval(one["low"], one["high"])) if part)
     parts = [
-        ("The paper", f"{one['statement']} ({one['source']})"),
+        ("The paper", f"{one['statement'].rstrip('.')} ({one['source']})."),
         ("Found", one["sentence"]),
         ("By", f"{one['statistic']}: {measured}{sets}"),
     ]

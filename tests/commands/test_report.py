@@ -37,7 +37,7 @@ def test_a_page_tells_of_sources_fits_and_runs(here: Run, given: list[Path], tmp
     assert (ended.code, ended.out) == (0, "report.html\n")
     page = (tmp_path / "report.html").read_text()
     headings = re.findall(r"<h2[^>]*>([^<]*)</h2>", page)
-    assert headings == ["In short", "Comparisons", "Figures", "Settings", "Provenance and hashes"]
+    assert headings == ["In short", "Verdicts", "Comparisons", "Figures", "Settings", "Provenance and hashes"]
     assert page.count("<figure ") == 6  # path lengths, values; starts, normality; curves, bars
     for path in given:
         assert path.stem in page
@@ -63,7 +63,7 @@ def test_each_kind_alone_makes_a_page(
     assert here("report", path).code == 0
     page = (tmp_path / "report.html").read_text()
     assert page.count("<figure ") == pictures
-    assert ("Comparisons" in page) == (kind == "run")
+    assert (">Comparisons<" in page) == (kind == "run")
 
 
 def test_references_come_from_stdin_and_one_that_comes_twice_counts_once(

@@ -64,16 +64,23 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
         context.close()
 
 
+@pytest.fixture(scope="session")
+def reproduction(pipeline: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A reproduction's folder; look, do not touch."""
+    return _reproduction(tmp_path_factory.mktemp("reproduced") / "reproduction", _runs(pipeline))
+
+
 @pytest.fixture(scope="module")
-def pages(pipeline: Any, hostile_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
+def pages(
+    pipeline: Any, hostile_run: Path, reproduction: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Mapping[str, Path]:
     """Pages as `qinit report` writes them."""
     from qinit_cli.app import run
 
     folder = tmp_path_factory.mktemp("pages")
-    runs = [pipeline.runs[name] for name in ("zero", "logqinit-median", "ops-tl")]
     given = {
-        "artefacts": [pipeline.sources, pipeline.fit, *runs],
-        "reproduction": [_reproduction(folder / "reproduction", runs)],
+        "artefacts": [pipeline.sources, pipeline.fit, *_runs(pipeline)],
+        "reproduction": [reproduction],
         "hostile": [pipeline.runs["zero"], hostile_run],
     }
     found = {}
@@ -81,6 +88,10 @@ def pages(pipeline: Any, hostile_run: Path, tmp_path_factory: pytest.TempPathFac
         found[name] = folder / f"{name}.html"
         assert run(["report", *map(str, paths), "-o", str(found[name]), "--quiet"]) == 0
     return found
+
+
+def _runs(pipeline: Any) -> list[Path]:
+    return [pipeline.runs[name] for name in ("zero", "logqinit-median", "ops-tl")]
 
 
 def _reproduction(folder: Path, runs: list[Path]) -> Path:
@@ -103,6 +114,9 @@ def _reproduction(folder: Path, runs: list[Path]) -> Path:
         "command": "qinit reproduce fig6",
         "scale": "quick",
         "target": "fig6",
+        "source_sets": 1,
+        "complete": True,
+        "stages": [{"stage": "runs", "made": 3, "seconds": 12.0, "steps": 10}],
         "started": "2026-01-02T03:04:05Z",
         "seconds": 12.5,
         "artefacts": [

@@ -75,7 +75,7 @@ def test_on_a_phone_wide_tables_are_moved_by_themselves_under_their_caption(
     pages: Mapping[str, Path], opened: Open
 ) -> None:
     page = opened(pages["artefacts"], PHONE)
-    table = page.locator(".card.scroll").first
+    table = page.locator("#comparisons .card.scroll").first
     table.evaluate("each => { each.scrollLeft = 200 }")
     assert table.evaluate("each => each.scrollLeft") > 0
     caption = table.locator("caption span").bounding_box()

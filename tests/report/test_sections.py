@@ -70,7 +70,7 @@ def test_a_comparison_is_a_table_of_its_targets_with_intervals_beneath() -> None
 def test_the_best_method_that_knows_no_target_is_told_and_what_is_worse_than_zero() -> None:
     [said] = comparison.findings(COMPARED)
     assert "highest return by logqinit-median, 0.0360 [0.0260, 0.0460]" in said
-    assert "worse than zero: maxqinit (" in said
+    assert "worse than zero: maxqinit." in said
 
 
 def test_a_difference_that_may_be_nothing_is_not_called_worse() -> None:
@@ -90,7 +90,7 @@ def test_of_steps_fewer_are_better() -> None:
     ]
     [said] = comparison.findings({**COMPARED, "rows": rows})
     assert "fewest steps by mean" in said
-    assert "worse than zero: ucoi (" in said
+    assert "worse than zero: ucoi." in said
 
 
 def test_without_a_baseline_nothing_is_called_worse() -> None:
@@ -150,7 +150,7 @@ def test_a_claim_is_told_with_its_number_interval_and_source_sets() -> None:
     assert isinstance(first, Judgement)
     assert (first.claim, first.answer.text) == ("C1", "holds")
     assert dict(first.parts) == {
-        "The paper": "C1 is so. (section 7)",
+        "The paper": "C1 is so (section 7).",
         "Found": "C1 was looked at.",
         "By": "a rank correlation: 0.5000 [0.2500, 0.7500], 10 source sets",
     }
@@ -168,13 +168,15 @@ def test_a_claim_is_told_with_its_number_interval_and_source_sets() -> None:
     assert "1 claim that is not judged" in rest.summary
     [lacking] = rest.blocks
     assert isinstance(lacking, Points)
-    assert lacking.items == ["C4, C4 is so. There are no runs."]
+    assert lacking.items == ["C4: C4 is so. There are no runs."]
 
 
 def test_verdicts_are_counted_in_one_sentence() -> None:
     assert judged.findings(VERDICTS) == [
-        "Of the paper's 4 claims 1 holds (C1); 1 does not hold (C2); 1 depends (C3); 1 not judged (C4)."
+        "Of the paper's 4 claims 1 holds (C1); 1 does not hold (C2); 1 depends on a setting (C3); "
+        "1 is not judged here (C4)."
     ]
+    assert "2 hold (C1, C5)" in judged.findings([*VERDICTS, verdict("C5", "holds")])[0]
     assert judged.findings(VERDICTS[3:]) == []
 
 

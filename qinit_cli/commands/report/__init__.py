@@ -96,4 +96,4 @@ def _material(references: list[str], reporting: Reporting, store: str) -> Materi
         raise UsageError(f"{folders[0]} is a folder: a page is made of one reproduction, or of artefacts")
     if reporting.baseline is not None:
         raise UsageError(f"--baseline {reporting.baseline}: the tables of {folders[0]} are made already")
-    return reproduced.material(folders[0], reporting.title, reporting.question)
+    return reproduced.material(folders[0], store, reporting.title, reporting.question)

@@ -22,6 +22,7 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
     from qinit_cli.commands.compare import read_runs
     from qinit_cli.commands.report.described import described
     from qinit_cli.commands.report.pictures import figures
+    from qinit_cli.commands.report.verdicts import judged
     from qinit_cli.report.document import Material
 
     artefacts = described(paths)
@@ -37,7 +38,7 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
         made=[],
         artefacts=[told for kind in kinds.values() for told in kind.values()],
         compared=[("", _compared(runs, baseline))] if runs else [],
-        verdicts=[],
+        verdicts=judged(artefacts),
         figures=drawn,
         undrawn=undrawn,
         absent=[],

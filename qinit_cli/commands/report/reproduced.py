@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 MANIFEST = "reproduction.json"
 SCHEMA = "qinit.reproduction/"
+UNFINISHED = "not complete: the same command goes on with what is missing"
 PAPER = "Mehimeh & Tang, Entropy 2025, 27(4), 367"
 
 
-def material(folder: Path, title: str | None, question: str | None) -> Material:
+def material(folder: Path, store: str, title: str | None, question: str | None) -> Material:
     """What the folder holds. UsageError where that is no reproduction, NotAllowed where it is not as it was made."""
     manifest = _json(folder, MANIFEST) if (folder / MANIFEST).is_file() else None
     if manifest is None:
@@ -28,17 +29,20 @@ def material(folder: Path, title: str | None, question: str | None) -> Material:
     if not str(manifest.get("schema")).startswith(SCHEMA):
         raise NotAllowed(f"{folder / MANIFEST} is of schema {manifest.get('schema')!r}; wanted {SCHEMA}1")
     try:
-        return _material(folder, manifest, title, question)
-    except (KeyError, TypeError, AttributeError) as error:
+        return _material(folder, Path(store), manifest, title, question)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise NotAllowed(
             f"{folder / MANIFEST} is not as qinit reproduce writes it: {error!r}; reproduce again"
         ) from error
 
 
-def _material(folder: Path, manifest: dict[str, Any], title: str | None, question: str | None) -> Material:
+def _material(
+    folder: Path, store: Path, manifest: dict[str, Any], title: str | None, question: str | None
+) -> Material:
+    from qinit_cli.commands.report.verdicts import judged
     from qinit_cli.report.document import Material
 
-    artefacts, absent = _artefacts(folder, manifest["artefacts"])
+    paths, artefacts, absent = _artefacts(folder, store, manifest["artefacts"])
     target, scale = manifest["target"], manifest["scale"]
     return Material(
         title=title or f"{_named(target)} of LogQInit, made again",
@@ -46,12 +50,14 @@ def _material(folder: Path, manifest: dict[str, Any], title: str | None, questio
         made=[
             ("command", str(manifest["command"])),
             ("scale", str(scale)),
+            ("source sets", str(manifest["source_sets"])),
             ("started", str(manifest["started"])),
-            ("took", f"{float(manifest['seconds']):,.0f} s"),
+            ("took", f"{float(manifest['seconds']):,.0f} s: {_stages(manifest['stages'])}"),
+            *([] if manifest["complete"] else [("state", UNFINISHED)]),
         ],
         artefacts=artefacts,
         compared=[(str(one["title"]), _json(folder, one["file"])) for one in manifest["tables"]],
-        verdicts=_json(folder, manifest["verdicts"])["rows"] if manifest["verdicts"] else [],
+        verdicts=_json(folder, manifest["verdicts"])["rows"] if manifest["verdicts"] else judged(paths),
         figures=[_figure(folder, one) for one in manifest["figures"]],
         undrawn=[],
         absent=absent,
@@ -65,27 +71,35 @@ def _named(target: str) -> str:
     return f"Figure {target.removeprefix('fig')}" if target.startswith("fig") else f"The {target} figures"
 
 
-def _artefacts(folder: Path, made: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """The artefacts that are still there, described, and a sentence on those that are not."""
+def _stages(stages: list[dict[str, Any]]) -> str:
+    return ", ".join(f"{one['stage']} {float(one['seconds']):,.0f} s" for one in stages if one["made"])
+
+
+def _artefacts(
+    folder: Path, store: Path, made: list[dict[str, Any]]
+) -> tuple[list[Path], list[dict[str, Any]], list[str]]:
+    """The artefacts that are still there, by path and described, and a sentence on those that are not."""
     from qinit_cli.commands.report.described import described
 
-    found, lacking = [], []
+    paths, found, lacking = [], [], []
     for one in made:
-        places = [place for place in (Path(one["path"]), folder / one["path"]) if place.is_file()]
-        if not places:
+        path = Path(one["path"])
+        place = path if path.is_file() else store / path.parent.name / path.name
+        if not place.is_file():
             lacking.append(one)
             continue
-        [told] = described(places[:1]).values()
+        [told] = described([place]).values()
         if told["content_sha256"] != one["content_sha256"]:
             raise NotAllowed(
-                f"{places[0]} is not what the pictures of {folder} were made of; run qinit reproduce again"
+                f"{place} is not what the pictures of {folder} were made of; run qinit reproduce again"
             )
+        paths.append(place)
         found.append(told)
     said = [
-        f"{counted(len(lacking), 'artefact')} of {len(made)} cannot be told of here, as the file is not there: "
+        f"{counted(len(lacking), 'artefact')} of {len(made)} cannot be told of here, being neither in place nor in the store: "
         + ", ".join(f"{Path(one['path']).stem} ({one['content_sha256']})" for one in lacking)
     ]
-    return found, said if lacking else []
+    return paths, found, said if lacking else []
 
 
 def _figure(folder: Path, one: dict[str, Any]) -> Figure:
