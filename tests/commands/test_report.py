@@ -37,7 +37,7 @@ def test_a_page_tells_of_sources_fits_and_runs(here: Run, given: list[Path], tmp
     assert (ended.code, ended.out) == (0, "report.html\n")
     page = (tmp_path / "report.html").read_text()
     headings = re.findall(r"<h2[^>]*>([^<]*)</h2>", page)
-    assert headings == ["In short", "Verdicts", "Comparisons", "Figures", "Settings", "Provenance and hashes"]
+    assert headings == ["In short", "Comparisons", "Figures", "Settings", "Provenance and hashes"]
     assert page.count("<figure ") == 6  # path lengths, values; starts, normality; curves, bars
     for path in given:
         assert path.stem in page
