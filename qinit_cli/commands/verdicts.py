@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.claims.verdict import SCHEMA
 from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import note
@@ -67,6 +66,7 @@ def verdicts(
     artefacts: list[str], judging: Judging, tabular: Tabular, reading: Reading, display: Display
 ) -> None:
     """Prints a row for each claim, or for each setting that it was looked at in."""
+    from qinit_cli.claims.verdict import SCHEMA
     from qinit_cli.commands import references
     from qinit_cli.commands.tables import print_table
     from qinit_cli.stages import verdicts as stage
@@ -96,6 +96,8 @@ def opened(paths: list[Path]) -> Iterator[Artefact]:
 
 def told(found: Sequence[Verdict]) -> dict[str, Any]:
     """What --format json prints of these verdicts."""
+    from qinit_cli.claims.verdict import SCHEMA
+
     return {"schema": SCHEMA, "rows": [verdict.told() for verdict in found]}
 
 
