@@ -27,7 +27,7 @@ AMONG_GOALS = 0.95  # of the goals
 
 def verdicts(evidence: Evidence) -> tuple[Verdict, ...]:
     """A verdict on each of the paper's claims, in order; those without evidence say what is lacking."""
-    from qinit_cli.claims import CLAIMS
+    from qinit_cli.claims.registry import CLAIMS
 
     return tuple(claim.judge(evidence) for claim in CLAIMS)
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.claims import CLAIMS
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence
+from qinit_cli.claims.registry import CLAIMS
 from qinit_cli.claims.setting import Setting
 from qinit_cli.claims.verdict import Verdict
 

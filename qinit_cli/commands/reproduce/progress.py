@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -13,7 +14,8 @@ from qinit_cli.commands.messages import PLAIN_INTERVAL, Progress, console
 if TYPE_CHECKING:
     from qinit_cli.kernels.batch import Watch
 
-TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took
+TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took ...
+WINDOW = 20  # ... of so many things: the first ones wait for the compiler
 
 
 class Whole:
@@ -25,7 +27,10 @@ class Whole:
         self._at = 0
         self._before = 0.0  # expected seconds of what is done
         self._own = 0.0  # of what is being made
-        self._started = self._said = time.monotonic()
+        self._said = time.monotonic()
+        self._begun = deque(
+            [(self._said, 0.0)], WINDOW
+        )  # when each of the last began, and what was done by then
         self._bar: Any = None
 
     def __enter__(self) -> Self:
@@ -44,6 +49,7 @@ class Whole:
         """The next of the things to make, and what it is expected to take."""
         self._before, self._own = self._before + self._own, expected
         self._at += 1
+        self._begun.append((time.monotonic(), self._before))
         self.show(what, 0.0)
 
     def show(self, what: str, share: float, rate: str = "") -> None:
@@ -69,7 +75,9 @@ class Whole:
         return _Part(self, what, done, total, watch)
 
     def _left(self, done: float) -> float:
-        pace = 1.0 if done < TRUSTED_AFTER else (time.monotonic() - self._started) / done
+        since, before = self._begun[0]
+        lately = done - before
+        pace = (time.monotonic() - since) / lately if lately >= TRUSTED_AFTER else 1.0
         return max(0.0, self._expected - done) * pace
 
 
