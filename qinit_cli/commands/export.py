@@ -71,7 +71,7 @@ class Exporting:
 
     @property
     def destination(self) -> Path | None:
-        """The file, None for stdout; UsageError where stdout cannot take it or the file's folder is missing."""
+        """The file, None for stdout; UsageError where stdout cannot take it or a folder is there."""
         if self.output in (None, STDOUT):
             if self.format not in TEXT:
                 raise UsageError(f"{self.format} is no text for stdout; give a file: -o FILE.{self.format}")
@@ -81,9 +81,8 @@ class Exporting:
                 )
             return None
         path = Path(str(self.output))
-        if not path.parent.is_dir() or path.is_dir():
-            problem = "that is a folder" if path.is_dir() else f"there is no folder {path.parent}"
-            raise UsageError(f"-o {self.output}: {problem}")
+        if path.is_dir():
+            raise UsageError(f"-o {self.output}: that is a folder")
         return path
 
 
@@ -206,6 +205,7 @@ def _check_named_apart(names: list[str]) -> None:
 @contextmanager
 def _appearing(path: Path, replace: bool) -> Iterator[IO[bytes]]:
     """A file that gets its name once it is whole; without `replace` never in place of another."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with open(beside, "xb") as file:

@@ -1,4 +1,4 @@
-"""Learning curves with 95 % bands; Figures 6, 9, A2 and A3 of the paper."""
+"""Learning curves with 95 % bands, in one panel or several; Figures 6, 9, A2 and A3 of the paper."""
 
 from __future__ import annotations
 
@@ -6,13 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from qinit_cli.figures.style import COLUMN, line_styles
+from qinit_cli.errors import UsageError
+from qinit_cli.figures import legend
+from qinit_cli.figures.looks import Look, looks
+from qinit_cli.figures.style import COLUMN, TALLEST, plain_numbers
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Integers
+
+ALONE, HEIGHT = 2.4, 1.75  # inches: one panel, one of several
+FEW = 6  # lines, whose bands may be darker
+XLABEL = "episode"
 
 
 @dataclass(frozen=True)
@@ -24,22 +32,67 @@ class Curve:
     band: Interval  # (P,)
 
 
-def curves(lines: Sequence[Curve], ylabel: str, title: str, band: str, width: float = COLUMN) -> Figure:
-    """The curves over episodes, with a legend; `band` says what the shading is. Call it within `house_style`."""
+@dataclass(frozen=True)
+class Panel:
+    """Curves of methods that met the same targets."""
+
+    title: str
+    band: str  # what the shading is over
+    lines: Sequence[Curve]
+
+
+def curves(
+    panels: Sequence[Panel], ylabel: str, title: str, width: float = COLUMN, *, across: int | None = None
+) -> Figure:
+    """A panel each, `across` of them side by side, one legend beneath; a method looks the same in all.
+
+    Panels that stand side by side by `across` share their scale. Call it within `house_style`.
+    """
     from matplotlib.figure import Figure
 
-    columns = 2 if width <= COLUMN else 4  # of the legend, beneath the axes
-    figure = Figure(figsize=(width, 2.4 + 0.15 * -(-len(lines) // columns)))
-    axes = figure.add_subplot()
-    for line, look in zip(lines, line_styles(len(lines)), strict=True):
-        axes.plot(line.episodes, line.band.estimate, label=line.label, **look)
-        axes.fill_between(
-            line.episodes, line.band.low, line.band.high, color=look["color"], alpha=0.18, linewidth=0
-        )
-    axes.set_xlabel(f"episode (band: {band})")
-    axes.set_ylabel(ylabel)
-    axes.set_title(title)
-    axes.set_xlim(1, max(line.episodes[-1] for line in lines))
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    figure.legend(loc="outside lower center", ncols=columns)
+    labels = list(dict.fromkeys(line.label for panel in panels for line in panel.lines))
+    columns = across or _across(len(panels), width)
+    rows = -(-len(panels) // columns)
+    alike = len({panel.band for panel in panels}) == 1
+    band = f"band: {panels[0].band}" if alike and len(panels) > 1 else ""
+    height = ALONE if len(panels) == 1 else rows * HEIGHT + 0.3 + (0.2 if title else 0)
+    height += legend.height(labels, width, band)
+    if height > TALLEST:
+        raise UsageError(f"{len(panels)} panels do not fit on a page; draw fewer distributions")
+    figure = Figure(figsize=(width, height))
+    drawn = figure.subplots(rows, columns, squeeze=False, sharey="row" if across else False)
+    own = dict(zip(labels, looks(labels), strict=True))
+    for at, (axes, panel) in enumerate(zip(drawn.flat, panels, strict=False)):
+        _lines(axes, panel, own)
+        alone = len(panels) == 1
+        axes.set_title(title if alone else panel.title if alike else f"{panel.title}\nband: {panel.band}")
+        if at % columns == 0:
+            axes.set_ylabel(ylabel)
+        if at + columns >= len(panels):
+            axes.set_xlabel(f"{XLABEL} (band: {panel.band})" if alone else XLABEL)
+    for axes in list(drawn.flat)[len(panels) :]:
+        axes.set_axis_off()
+    if len(panels) > 1 and title:
+        figure.suptitle(title)
+    legend.legend(figure, labels, width, band)
     return figure
+
+
+def _across(panels: int, width: float) -> int:
+    if width <= COLUMN:
+        return 1 if panels <= 2 else 2
+    return 2 if panels == 4 else min(panels, 3)
+
+
+def _lines(axes: Axes, panel: Panel, own: dict[str, Look]) -> None:
+    shade = 0.18 if len(panel.lines) <= FEW else 0.1
+    for at, line in enumerate(panel.lines):
+        look = own[line.label]
+        axes.plot(line.episodes, line.band.estimate, label=line.label, **look.line(len(line.episodes), at))
+        axes.fill_between(
+            line.episodes, line.band.low, line.band.high, color=look.colour, alpha=shade, linewidth=0
+        )
+    axes.set_xlim(1, max(line.episodes[-1] for line in panel.lines))
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    plain_numbers(axes.xaxis)
+    plain_numbers(axes.yaxis)

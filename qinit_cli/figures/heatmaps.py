@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.errors import UsageError
-from qinit_cli.figures.style import COLUMN, TEXT, UNKNOWN_COLOUR, VALUE_COLOURS, folded, plain_numbers
+from qinit_cli.figures.style import (
+    COLUMN,
+    TALLEST,
+    TEXT,
+    UNKNOWN_COLOUR,
+    VALUE_COLOURS,
+    folded,
+    plain_numbers,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +29,6 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
 
 DECADES = 3  # that a logarithmic scale reaches below its largest value
-TALLEST = 8.8  # inches, of a page
 LEAST = 0.85  # inches, the width of a panel that can still be read
 GAP, TITLE, TICKS, NAMES, BESIDE, BENEATH, THICK = 0.08, 0.2, 0.45, 0.2, 0.7, 0.55, 0.11  # inches
 PAD = 0.03  # inches, around everything

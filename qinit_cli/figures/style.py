@@ -13,10 +13,10 @@ from qinit_cli.errors import UsageError
 LETTER = 0.062  # inches, the width of a mean letter at 8 points
 FORMATS = ("png", "svg", "pdf")
 COLUMN, TEXT = 3.5, 7.0  # inches
+TALLEST = 8.8  # inches, of a page
 # Okabe and Ito (2008), but for yellow, which is too light for a line
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
-HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\")
 # both perceptually uniform and of rising lightness: they read the same in grey and to the colour-blind
 VALUE_COLOURS = "viridis"
 CHANCE_COLOURS = "Greys"
@@ -50,15 +50,6 @@ def line_styles(count: int) -> list[dict[str, Any]]:
     colours, dashes = len(COLOURS), len(DASHES)
     return [
         {"color": COLOURS[i % colours], "linestyle": DASHES[i % dashes]}  # 7 and 4 share no divisor
-        for i in range(count)
-    ]
-
-
-def bar_styles(count: int) -> list[dict[str, Any]]:
-    """Colour and hatching for each of `count` sets of bars, no two alike up to 35."""
-    colours, hatches = len(COLOURS), len(HATCHES)
-    return [
-        {"facecolor": COLOURS[i % colours], "hatch": HATCHES[(i + i // colours) % hatches]}
         for i in range(count)
     ]
 

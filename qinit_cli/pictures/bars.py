@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.names import METRIC_LABELS, distinct, distribution, listed
+from qinit_cli.pictures.names import METRIC_LABELS, listed, number
+from qinit_cli.pictures.order import KINDS, of_kind, ordered
 
 if TYPE_CHECKING:
     from qinit_cli.figures.bars import Bars
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from qinit_cli.stages.compare import Comparison
     from qinit_cli.stages.estimates import Estimate
     from qinit_cli.stages.scores import Metric
-    from qinit_cli.stages.source_sets import Group
 
 
 def drawn(
@@ -24,24 +24,40 @@ def drawn(
     metric: Metric = "return",
     minus: str | None = None,
     *,
+    by_kind: bool = False,
     title: str | None = None,
     width: float = TEXT,
 ) -> Drawn:
-    """Averages over all episodes with 95 % intervals, or differences to `minus` on the same targets."""
+    """Averages over all episodes with 95 % intervals, or differences to `minus` on the same targets.
+
+    Groups in the order of the runs; `by_kind` two panels, as those of curves.
+    """
     from qinit_cli.figures import bars as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
+    from qinit_cli.pictures.groups import families, group_names
     from qinit_cli.stages import compare
     from qinit_cli.stages.source_sets import grouped
 
     comparisons = compare.compare(runs, minus or "", metric)
-    series = _series(comparisons, minus)
-    groups = _groups(grouped(runs))
+    series = ordered(_series(comparisons, minus))
+    groups = grouped(runs)
+    names = group_names(groups)
     label = f"{METRIC_LABELS[metric]}, minus {minus}" if minus else METRIC_LABELS[metric]
     intervals = "\n".join(dict.fromkeys(comparison.intervals for comparison in comparisons))
+    panels = _apart(series) if by_kind else {"": series}
     with house_style():
-        figure = drawing.bars(series, groups, intervals, label, title or "", width)
-    return Drawn(figure, title or f"Bars of methods, {label}", _alt(series, groups, label))
+        figure = drawing.bars(panels, names, intervals, label, title or "", width)
+    return Drawn(figure, title or f"Bars of methods, {families(groups)}, {label}", _alt(series, names, label))
+
+
+def _apart(series: Sequence[Bars]) -> dict[str, list[Bars]]:
+    """The bars of either kind; NotAllowed where there are none of one."""
+    panels = {kind: [bars for bars in series if of_kind(bars.label, kind)] for kind in KINDS}
+    for kind, found in panels.items():
+        if not found:
+            raise NotAllowed(f"there are no runs of {kind}; draw these in one panel")
+    return panels
 
 
 def _alt(series: list[Bars], groups: list[str], label: str) -> str:
@@ -49,12 +65,17 @@ def _alt(series: list[Bars], groups: list[str], label: str) -> str:
     parts = []
     for at, group in enumerate(groups):
         heights = [
-            f"{bars.label} {bars.height.estimate[at]:.3g} ({bars.height.low[at]:.3g} to {bars.height.high[at]:.3g})"
+            f"{bars.label} {number(bars.height.estimate[at])}{_bounds(bars, at)}"
             for bars in series
             if bars.height.estimate[at] == bars.height.estimate[at]
         ]
         parts.append(f"{group.replace(chr(10), ', ')}: {', '.join(heights)}")
     return f"Bars by method with 95 % intervals, {label}. {listed(parts)}."
+
+
+def _bounds(bars: Bars, at: int) -> str:
+    low, high = (float(bound[at]) for bound in (bars.height.low, bars.height.high))
+    return "" if low != low else f" ({number(low)} to {number(high)})"
 
 
 def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
@@ -84,15 +105,3 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
             bounds[:, at] = height.mean, height.low, height.high
         series.append(Bars(label, Interval(*bounds)))
     return series
-
-
-def _groups(groups: list[Group]) -> list[str]:
-    """What stands beneath each group: the distribution, and the seed of its targets where there are several of it."""
-    from qinit_cli.environments import family_of
-
-    runs = [group.any_run for group in groups]
-    return distinct(
-        [distribution(family_of(run.spec)) for run in runs],
-        [f"seed {run.spec['seed']}" for run in runs],
-        [f"targets {run.target_digest[:8]}" for run in runs],
-    )

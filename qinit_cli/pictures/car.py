@@ -27,7 +27,7 @@ def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn
     from store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
-        family = family_of(artefact.spec)
+        family = family_of(artefact.spec, artefact.provenance)
         if not isinstance(family, MountainCar):
             raise NotAllowed(
                 f"{path} holds sources of {family.name}, where there is no car; draw those of mountain-car"

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import COLUMN
-from qinit_cli.pictures.names import METRIC_LABELS, listed, marked
+from qinit_cli.pictures.names import METRIC_LABELS, listed, marked, number
+from qinit_cli.pictures.order import KINDS, of_kind, ordered
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Floats
-    from qinit_cli.figures.curves import Curve
+    from qinit_cli.figures.curves import Curve, Panel
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.runs import Run
     from qinit_cli.stages.scores import Metric
@@ -28,38 +30,62 @@ def drawn(
     metric: Metric = "return",
     smooth: int = SMOOTH,
     *,
+    by_kind: bool = False,
     title: str | None = None,
     width: float = COLUMN,
 ) -> Drawn:
     """The metric over episodes, each point the mean of the last `smooth`, over source sets and targets.
 
+    A panel for each set of targets, in the order of the runs; `by_kind` two, initialisations and other methods, with zero,
+    optimal and logqinit-median in both.
     Runs that met only the first of the others' targets are drawn beside them and labelled so, as `optimal` where its tables
     are costly.
     """
-    from qinit_cli.environments import label_of
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
+    from qinit_cli.pictures.groups import families, group_names
     from qinit_cli.stages.source_sets import grouped
 
-    group, *others = sorted(grouped(runs), key=lambda group: -len(group.any_run.steps))
-    if not all(_met_the_first(other.any_run, group.any_run) for other in others):
-        raise NotAllowed("these runs did not meet the same targets; draw those that did, one picture each")
-    lines = [_curve(entry, group, metric, smooth) for entry in group.entries]
-    for other in others:
-        few = f", first {len(other.any_run.steps)} targets"
-        lines += [_curve(entry, other, metric, smooth, few) for entry in other.entries]
-    own = label_of(group.any_run.spec)
+    groups = grouped(runs)
+    wholes = [group for group in groups if not any(_met_the_first(group, other) for other in groups)]
+    names = group_names(wholes)
+    panels = [
+        drawing.Panel(name, _band_words(whole), _lines(whole, groups, metric, smooth))
+        for name, whole in zip(names, wholes, strict=True)
+    ]
+    own = families(wholes)
     with house_style():
         figure = drawing.curves(
-            lines, METRIC_LABELS[metric], own if title is None else title, _band_words(group), width
+            list(_apart(panels)) if by_kind else panels,
+            METRIC_LABELS[metric],
+            own if title is None else title,
+            width,
+            across=len(KINDS) if by_kind else None,
         )
-    alt = f"Learning curves, {METRIC_LABELS[metric]}, first and last point: {own}: {listed([_ends(line) for line in lines])}."
-    return Drawn(figure, title or f"Learning curves, {own}", alt)
+    return Drawn(figure, title or f"Learning curves, {own}", _alt(panels, METRIC_LABELS[metric]))
 
 
-def _ends(line: Curve) -> str:
-    return f"{line.label} {line.band.estimate[0]:.3g} to {line.band.estimate[-1]:.3g}"
+def _apart(panels: Sequence[Panel]) -> Iterator[Panel]:
+    """Each panel as one of either kind; NotAllowed where there are no curves of one."""
+    for panel in panels:
+        for kind in KINDS:
+            lines = [line for line in panel.lines if of_kind(line.label, kind)]
+            if not lines:
+                raise NotAllowed(f"{panel.title} has no runs of {kind}; draw these in one panel")
+            yield replace(panel, title=f"{panel.title}, {kind}", lines=lines)
+
+
+def _alt(panels: Sequence[Panel], label: str) -> str:
+    """Where each curve begins and ends."""
+    parts = []
+    for panel in panels:
+        ends = [
+            f"{line.label} {number(line.band.estimate[0])} to {number(line.band.estimate[-1])}"
+            for line in panel.lines
+        ]
+        parts.append(f"{panel.title.replace(chr(10), ', ')} (band {panel.band}): {', '.join(ends)}")
+    return f"Learning curves, {label}, first to last point of each method. {listed(parts)}."
 
 
 def _band_words(group: Group) -> str:
@@ -68,10 +94,21 @@ def _band_words(group: Group) -> str:
     return f"95 %, {sets}{targets} targets{'' if group.shared else ' of each'}"
 
 
-def _met_the_first(run: Run, of: Run) -> bool:
-    """Whether the run's targets are the first of those of another."""
-    count = len(run.steps)
-    return count < len(of.steps) and of.first(count).target_digest == run.target_digest
+def _met_the_first(group: Group, of: Group) -> bool:
+    """Whether the group's targets are the first of those of another."""
+    few, many = group.any_run, of.any_run
+    count = len(few.steps)
+    return count < len(many.steps) and many.first(count).target_digest == few.target_digest
+
+
+def _lines(whole: Group, groups: Sequence[Group], metric: Metric, smooth: int) -> list[Curve]:
+    """The group's curves, and those of groups that met the first of its targets."""
+    lines = [_curve(entry, whole, metric, smooth) for entry in whole.entries]
+    for group in groups:
+        if _met_the_first(group, whole):
+            few = f", first {len(group.any_run.steps)} targets"
+            lines += [_curve(entry, group, metric, smooth, few) for entry in group.entries]
+    return ordered(lines)
 
 
 def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: str = "") -> Curve:

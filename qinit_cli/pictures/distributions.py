@@ -57,7 +57,9 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
                 key, Distribution(family_of(spec, artefact.provenance), spec, path.stem[-8:], [], [], 0)
             )
             before = sum(map(len, one.tasks))
-            for tasks, block in _unseen(artefact, one.family, columns, seen.setdefault(key, set())):
+            # equal rows of two seeds are two tasks: those of an exact learner can be
+            known = seen.setdefault(f"{key} {spec['seed']}", set())
+            for tasks, block in _unseen(artefact, one.family, columns, known):
                 one.tasks.append(tasks)
                 one.found.append(read(one.family, spec, tasks, block))
             one.sets += sum(map(len, one.tasks)) > before
@@ -67,6 +69,25 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
 def named(found: Sequence[Distribution]) -> list[str]:
     """What each is called, told apart."""
     return distinct([distribution(one.family) for one in found], [one.mark for one in found])
+
+
+def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> list[str]:
+    """What is to be said of those that were learned in another way than the first: it shows in their paths too."""
+    first = found[0].spec
+    said = []
+    for one, name in zip(found, names, strict=True):
+        settings = {"learner": one.spec["learner"], **one.spec["learning"]}
+        usual = {"learner": first["learner"], **first["learning"]}
+        other = [
+            f"{key} {value}, not {usual.get(key)}"
+            for key, value in settings.items()
+            if value != usual.get(key)
+        ]
+        if other:
+            said.append(
+                f"{name.splitlines()[0]} was learned otherwise than {names[0].splitlines()[0]}: {'; '.join(other)}"
+            )
+    return said
 
 
 def _unseen(

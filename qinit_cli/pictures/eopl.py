@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.distributions import distributions, named
+from qinit_cli.pictures.distributions import distributions, learned_otherwise, named
 from qinit_cli.pictures.names import listed, place
 
 if TYPE_CHECKING:
@@ -37,8 +37,9 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
         raise NotAllowed(f"path lengths of one picture start in the same state; those of {labels} do not")
     if len(found) > MOST:
         raise UsageError(f"{len(found)} distributions do not fit below each other; draw at most {MOST}")
+    names = named(found)
     shown = sorted(
-        (_shown(name, one) for name, one in zip(named(found), found, strict=True)),
+        (_shown(name, one) for name, one in zip(names, found, strict=True)),
         key=lambda each: each.floor,
     )
     family = found[0].family
@@ -47,7 +48,7 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
         figure = drawing.eopl(shown, own if title is None else title, width)
     parts = [f"{each.name.replace(chr(10), ', ')}: {each.words.replace(chr(10), ', ')}" for each in shown]
     alt = f"Histograms and densities of path lengths over source tasks, {own}. {listed(parts)}."
-    return Drawn(figure, title or own, alt)
+    return Drawn(figure, title or own, alt, tuple(learned_otherwise(found, names)))
 
 
 def _at_start(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str, Any]) -> Any:

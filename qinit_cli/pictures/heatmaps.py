@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.names import distinct, distribution, listed, place, sides
+from qinit_cli.pictures.names import distinct, distribution, listed, number, place, sides
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
@@ -126,4 +126,4 @@ def _peak(layer: Layer, row: str, name: str, upright: Side, across: Side, *, nam
         float(side.places[i]) for side, i in zip((upright, across), at, strict=True) if len(side.places) > 1
     ]
     where = f" ({name.replace(chr(10), ', ')})" if named else ""
-    return f"{table[at]:.3g} at {place(there)}{where}"
+    return f"{number(float(table[at]))} at {place(there)}{where}"

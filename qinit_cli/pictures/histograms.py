@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import COLUMN, TEXT
-from qinit_cli.pictures.names import listed, place
+from qinit_cli.pictures.names import listed, number, place
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -54,7 +54,7 @@ def _alt(shown: list[Shown], own: str) -> str:
     """The size, the median and both tests of each state-action."""
     parts = [
         ", ".join(" ".join(state.of_values.split("\n")[:2]).split(", masked 0"))
-        + f", median of Q {state.sample.median:.3g}, Shapiro-Wilk of Q {state.of_values.splitlines()[-1]}, "
+        + f", median of Q {number(state.sample.median)}, Shapiro-Wilk of Q {state.of_values.splitlines()[-1]}, "
         f"of ln Q {state.of_logarithms}"
         for state in shown
     ]

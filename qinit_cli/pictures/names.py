@@ -29,7 +29,12 @@ def marked(label: str, method: str) -> str:
 
 def distribution(family: Family) -> str:
     """The distribution as a picture names it: the family's label without the family's name."""
-    return family.label.removeprefix(f"{family.name}-").replace("-", " ")
+    return shortened(family.label, family.name)
+
+
+def shortened(label: str, family: str) -> str:
+    """A distribution's label without its family's name."""
+    return label.removeprefix(f"{family}-").replace("-", " ")
 
 
 def distinct(names: Sequence[str], *additions: Sequence[str]) -> list[str]:
@@ -68,6 +73,11 @@ def sides(family: Family) -> tuple[Side, ...]:
         Side(axis_label(axis), axis.values.astype(np.float64), downwards=axis.values.dtype.kind in "iu")
         for axis in family.axes()
     )
+
+
+def number(value: float) -> str:
+    """Four decimals, or one beyond 10: as it is read out, never as a power."""
+    return f"{value:.4f}" if abs(value) < 10 else f"{value:.1f}"
 
 
 def listed(parts: Sequence[str], most: int = 12) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import COLUMN, TEXT
-from qinit_cli.pictures.distributions import distributions, named
+from qinit_cli.pictures.distributions import distributions, learned_otherwise, named
 from qinit_cli.pictures.names import listed, place, sides
 
 if TYPE_CHECKING:
@@ -43,11 +43,12 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
         raise NotAllowed(f"a map has two state axes, {family.name} has {len(axes)}")
     if len(found) > MOST[width]:
         raise UsageError(f"{len(found)} distributions do not fit; draw at most {MOST[width]}")
-    shown = [_shown(name, one) for name, one in zip(named(found), found, strict=True)]
+    names = named(found)
+    shown = [_shown(name, one) for name, one in zip(names, found, strict=True)]
     own = f"{family.name}, states on the optimal paths from {place(family.shown_states()[0])}"
     with house_style():
         figure = drawing.occupancy(shown, axes[0], axes[1], own if title is None else title, width)
-    return Drawn(figure, title or own, _alt(shown, own))
+    return Drawn(figure, title or own, _alt(shown, own), tuple(learned_otherwise(found, names)))
 
 
 def _visits(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str, Any]) -> Any:

@@ -268,7 +268,6 @@ def test_a_file_that_is_there_is_replaced_only_by_force(
         (["--to", "npz"], "give a file"),
         (["--to", "parquet", "-o", "-"], "give a file"),
         (["--to", "xlsx"], "xlsx"),
-        (["-o", "nowhere/f.csv"], "no folder nowhere"),
         (["--to", "csv", "--what", "state-action"], "did you mean state-actions?"),
     ],
 )
@@ -279,6 +278,17 @@ def test_what_cannot_be_meant_ends_with_2_and_a_sentence(
     assert (ended.code, ended.out) == (2, "")
     assert said in ended.err
     assert len(ended.err.splitlines()) == 1
+
+
+def test_the_folder_of_an_export_is_made_and_one_of_its_name_is_refused(
+    here: Callable[..., Ended], pipeline: Pipeline
+) -> None:
+    ended = here("export", pipeline.fit, "-o", "new/folder/f.csv", "-q")
+    assert (ended.code, ended.out) == (0, "new/folder/f.csv\n")
+    assert {path.name for path in ended.path.parent.iterdir()} == {"f.csv", "f.csv.json"}
+    ended = here("export", pipeline.fit, "--to", "csv", "-o", "new/folder")
+    assert (ended.code, ended.out) == (2, "")
+    assert "that is a folder" in ended.err
 
 
 def test_a_table_of_another_kind_ends_with_4_and_the_tables_there_are(

@@ -12,10 +12,10 @@ import pytest
 from qinit_cli.analysis.intervals import Interval
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.bars import Bars, bars
-from qinit_cli.figures.curves import Curve, curves
+from qinit_cli.figures.curves import Curve, Panel, curves
 from qinit_cli.figures.drawn import Drawn
 from qinit_cli.figures.heatmaps import Layer, Side, heatmaps
-from qinit_cli.figures.style import FORMATS, bar_styles, checked_path, house_style, line_styles
+from qinit_cli.figures.style import FORMATS, checked_path, house_style, line_styles
 
 EPISODES = np.array([1, 10, 20, 30])
 
@@ -32,7 +32,7 @@ LINES = [
 
 
 def _curves() -> Any:
-    return curves(LINES, "discounted return", "variance 7", "95 %, 4 targets")
+    return curves([Panel("", "95 %, 4 targets", LINES)], "discounted return", "variance 7")
 
 
 def test_each_curve_is_drawn_as_given_with_its_band() -> None:
@@ -65,7 +65,7 @@ def test_curves_say_what_their_axes_their_band_and_their_lines_are() -> None:
 def test_each_bar_is_as_high_as_given_with_its_interval() -> None:
     series = [Bars("zero", _interval(0.1, 0.2)), Bars("mean", _interval(0.3, -0.1))]
     with house_style():
-        [axes] = bars(series, ["variance 1", "variance 7"], "targets", "return", "").axes
+        [axes] = bars({"": series}, ["variance 1", "variance 7"], "targets", "return", "").axes
     heights = [patch.get_height() for patch in axes.patches]
     assert heights == pytest.approx([0.1, 0.2, 0.3, -0.1])
     assert [label.get_text() for label in axes.get_xticklabels()] == ["variance 1", "variance 7"]
@@ -79,7 +79,7 @@ def test_each_bar_is_as_high_as_given_with_its_interval() -> None:
 def test_bars_of_a_group_do_not_overlap() -> None:
     series = [Bars(str(each), _interval(0.1, 0.2, 0.3)) for each in range(4)]
     with house_style():
-        [axes] = bars(series, ["a", "b", "c"], "", "", "").axes
+        [axes] = bars({"": series}, ["a", "b", "c"], "", "", "").axes
     spans = sorted((patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches)
     assert all(end <= start + 1e-9 for (_, end), (start, _) in itertools.pairwise(spans))
 
@@ -121,10 +121,8 @@ def test_on_a_logarithmic_scale_zero_is_low_and_not_unknown() -> None:
     assert image.norm.vmin == 0.1
 
 
-def test_no_two_of_28_lines_and_no_two_of_35_bars_look_alike() -> None:
-    looks = {(look["color"], look["linestyle"]) for look in line_styles(28)}
-    assert len(looks) == 28
-    assert len({(look["facecolor"], look["hatch"]) for look in bar_styles(35)}) == 35
+def test_no_two_of_28_lines_look_alike() -> None:
+    assert len({(look["color"], look["linestyle"]) for look in line_styles(28)}) == 28
 
 
 def test_neighbouring_lines_differ_in_dashes_so_that_grey_tells_them_apart() -> None:

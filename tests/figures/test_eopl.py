@@ -78,6 +78,25 @@ def test_tasks_that_are_all_alike_are_the_noise_floor_and_come_last(drawn: Draw,
     assert len(figure.axes[2].lines) == 1
 
 
+def test_a_floor_of_several_source_sets_is_one_and_says_how_many(drawn: Draw, sources: Draw) -> None:
+    alike = ("--variance", 0, "--p-low", 0.8, "--p-high", 0.8, "--tasks", 5)
+    figure = drawn("eopl", sources("--tasks", 10), *(sources(*alike, "--seed", seed) for seed in range(3)))
+    assert len(figure.axes) == 3
+    assert "noise floor: n = 15 in 3 source sets" in figure.axes[1].get_title(loc="left").replace("\n", " ")
+
+
+@pytest.mark.parametrize("picture", ["eopl", "occupancy"])
+def test_sources_that_were_learned_in_another_way_are_told(
+    here: Draw, sources: Draw, picture: str, tmp_path: Path
+) -> None:
+    learned = ("train-sources", "gridworld", "--size", 6, "--tasks", 3, "--episodes", 300, "-q")
+    short = here(*learned, "-o", "short.h5").path
+    long = here(*learned, "--variance", 2, "--horizon", 700, "-o", "long.h5").path
+    ended = here("plot", picture, short, long, "-o", "picture.png")
+    assert ended.code == 0
+    assert ended.err == "6 variance 2 was learned otherwise than 6 variance 7: horizon 700, not 1000\n"
+
+
 def test_the_floor_stands_behind_and_does_not_flatten_the_densities() -> None:
     chance = np.random.default_rng(0)
     wide = LengthSample.of(np.rint(chance.normal(150, 15, 300)).astype(int))

@@ -28,6 +28,10 @@ class Barring:
         metavar="METHOD",
         default_text="none: averages",
     )
+    by_kind: bool = option(
+        False,
+        "Initialisations and other methods in panels of their own, with zero, optimal and logqinit-median in both.",
+    )
 
     def __post_init__(self) -> None:
         check(self)
@@ -52,6 +56,12 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
 
     path = USUAL.path(picture)
     found = read_runs(runs, reading.store)
-    width = USUAL.inches(picture)
-    drawn = pictures.drawn(found, barring.metric, barring.minus, title=picture.title, width=width)
+    drawn = pictures.drawn(
+        found,
+        barring.metric,
+        barring.minus,
+        by_kind=barring.by_kind,
+        title=picture.title,
+        width=USUAL.inches(picture),
+    )
     publish(drawn, path, display)

@@ -12,7 +12,7 @@ from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 from qinit_cli.fields import check, option
 
-USUAL = Usual("curves", "column", "the targets' distribution")
+USUAL = Usual("curves", "column", "the targets' distribution, or their family")
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,10 @@ class Curving:
         "return", "Discounted return, share of episodes that reach the goal, or min(steps, horizon)."
     )
     smooth: int = option(20, "Episodes averaged into each point, looking back.", low=1)
+    by_kind: bool = option(
+        False,
+        "Initialisations and other methods in panels of their own, with zero, optimal and logqinit-median in both.",
+    )
 
     def __post_init__(self) -> None:
         check(self)
@@ -41,17 +45,23 @@ def add_to(plots: typer.Typer) -> None:
             "display": DISPLAY,
         },
         references=(Reference("runs", "Runs: paths, names in the store, or - for stdin.", several=True),),
-        help="Learning curves of methods that met the same targets, mean over source sets and targets with a 95 % band.",
+        help="Learning curves of methods, mean over source sets and targets with a 95 % band, a panel for each set of targets.",
     )
 
 
 def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading, display: Display) -> None:
-    """Draws the picture and prints its path."""
+    """Draws the picture and prints its path; panels stand in the order of the runs."""
     from qinit_cli.commands.compare import read_runs
     from qinit_cli.pictures import curves as pictures
 
     path = USUAL.path(picture)
     found = read_runs(runs, reading.store)
-    width = USUAL.inches(picture)
-    drawn = pictures.drawn(found, curving.metric, curving.smooth, title=picture.title, width=width)
+    drawn = pictures.drawn(
+        found,
+        curving.metric,
+        curving.smooth,
+        by_kind=curving.by_kind,
+        title=picture.title,
+        width=USUAL.inches(picture),
+    )
     publish(drawn, path, display)

@@ -1,0 +1,33 @@
+"""What sets of targets are called in pictures of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from qinit_cli.environments import label_of
+from qinit_cli.pictures.names import distinct, shortened
+
+if TYPE_CHECKING:
+    from qinit_cli.stages.source_sets import Group
+
+
+def group_names(groups: Sequence[Group]) -> list[str]:
+    """The distribution of each, and the seed of its targets where there are several of it."""
+    runs = [group.any_run for group in groups]
+    return distinct(
+        [shortened(label_of(run.spec), run.spec["family"]["name"]) for run in runs],
+        [f"seed {run.spec['seed']}" for run in runs],
+        [f"targets {run.target_digest[:8]}" for run in runs],
+    )
+
+
+def families(groups: Sequence[Group]) -> str:
+    """The distribution where there is one, else the families."""
+    specs = [group.any_run.spec for group in groups]
+    labels = dict.fromkeys(label_of(spec) for spec in specs)
+    return (
+        next(iter(labels))
+        if len(labels) == 1
+        else ", ".join(dict.fromkeys(spec["family"]["name"] for spec in specs))
+    )
