@@ -27,7 +27,11 @@ from store.reading import open_artefact
 from store.schema import Axis, run_schema
 from store.work import open_work
 
-SMALL: dict[str, dict[str, Any]] = {"gridworld": {"size": 5}, "mountain-car": {"bins": 8, "noise": 0.002}}
+SMALL: dict[str, dict[str, Any]] = {
+    "gridworld": {"size": 5},
+    "mountain-car": {"bins": 8, "noise": 0.002},
+    "mixture-gridworld": {"size": 5},
+}
 SOURCES, TARGETS, EPISODES = 3, 3, 30
 DISTANT = {"drs"}  # methods that need a distance to the goal
 
