@@ -30,6 +30,7 @@ from store.work import open_work
 SMALL: dict[str, dict[str, Any]] = {
     "gridworld": {"size": 5},
     "mountain-car": {"bins": 8, "noise": 0.002},
+    "windy-gridworld": {"size": 5},
     "mixture-gridworld": {"size": 5},
 }
 SOURCES, TARGETS, EPISODES = 3, 3, 30

@@ -19,8 +19,8 @@ PICTURE_BYTES = 5_000
 # what a command asks for itself comes later on its line, and wins
 STAND_IN = f"""#!/bin/sh
 case "$1 $2 $*" in
-    "train-sources gridworld"*exact*) shift 2; set -- train-sources gridworld --size 6 "$@";;
-    "train-sources gridworld"*) shift 2; set -- train-sources gridworld --size 6 --tasks 4 --episodes 200 "$@";;
+    "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
+    "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
     reproduce*) exec {sys.executable} {TINY} "$@" --scale quick;;
     transfer*-h) ;;

@@ -12,11 +12,15 @@ from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.environments.windy_gridworld import WindyGridworld
 from qinit_cli.errors import NotAllowed
 from qinit_cli.registry import PLUG_IN, Registry
 
 FAMILIES: Registry[Family] = Registry(
-    "qinit.families", "family", (Gridworld, MountainCar, MixtureGridworld), lambda found: _fault(found)
+    "qinit.families",
+    "family",
+    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld),
+    lambda found: _fault(found),
 )
 
 __all__ = ["FAMILIES", "Family", "family_of", "label_of"]
