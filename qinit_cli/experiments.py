@@ -343,9 +343,9 @@ def _fig6(study: Study) -> Experiment:
     family = study.gridworld
     bars = tuple(run for each in study.gridworlds for run in _initialisations(study, each))
     pictures = (
-        _curves(study, "fig6-a", family, "initialisations"),
+        _curves(study, "fig6-a", (family,), "initialisations"),
         *(
-            _curves(study, f"fig6-b-{init.removeprefix('logqinit-')}", family, "transfer", init)
+            _curves(study, f"fig6-b-{init.removeprefix('logqinit-')}", (family,), "transfer", init)
             for init in PLUS_STARTS
         ),
         Picture(
@@ -399,7 +399,7 @@ def _fig9(study: Study) -> Experiment:
     # optimal met fewer targets: it is no bar beside the others
     bars = tuple(run for each in study.cars for run in study.runs(each, INITIALISATIONS))
     pictures = (
-        _curves(study, "fig9-a", family, "initialisations"),
+        _curves(study, "fig9-a", (family,), "initialisations"),
         Picture(
             "fig9-b",
             "bars",
@@ -407,7 +407,7 @@ def _fig9(study: Study) -> Experiment:
             "Mountain Car: average return by noise",
             f"Mean over all episodes with 95 % intervals; {study.told(family)}.",
         ),
-        _curves(study, "fig9-c-median", family, "transfer", PLUS_STARTS[0]),
+        _curves(study, "fig9-c", (family,), "transfer", PLUS_STARTS[0]),
     )
     shown = tuple(dict.fromkeys((*_everything(study, family), *bars)))
     return Experiment("fig9", pictures, _tables(study, "fig9", "Mountain Car", study.cars, shown))
@@ -440,36 +440,40 @@ def _fig_a1(study: Study) -> Experiment:
 def _fig_a2(study: Study) -> Experiment:
     shown = tuple(run for family in study.gridworlds for run in _everything(study, family))
     table = Table("figA2", shown, "Gridworld: methods on the same targets, every distribution of goals")
-    return Experiment("figA2", _all_curves(study, "figA2", study.gridworlds), (table,))
+    return Experiment("figA2", _both_curves(study, "figA2", study.gridworlds), (table,))
 
 
 def _fig_a3(study: Study) -> Experiment:
     shown = tuple(run for family in study.cars for run in _everything(study, family))
     return Experiment(
         "figA3",
-        _all_curves(study, "figA3", study.cars),
+        _both_curves(study, "figA3", study.cars),
         _tables(study, "figA3", "Mountain Car", study.cars, shown),
     )
 
 
-def _all_curves(study: Study, name: str, families: tuple[Family, ...]) -> tuple[Picture, ...]:
-    return tuple(
-        _curves(study, f"{name}-{_in_a_name(family)}-{kind}", family, kind)
-        for family in families
-        for kind in ("initialisations", "transfer")
-    )
+def _both_curves(study: Study, name: str, families: tuple[Family, ...]) -> tuple[Picture, ...]:
+    return tuple(_curves(study, f"{name}-{kind}", families, kind) for kind in ("initialisations", "transfer"))
 
 
-def _curves(study: Study, name: str, family: Family, kind: str, init: str = PLUS_STARTS[0]) -> Picture:
+def _curves(
+    study: Study, name: str, families: tuple[Family, ...], kind: str, init: str = PLUS_STARTS[0]
+) -> Picture:
+    """Learning curves of one kind of methods, a panel for each distribution."""
     of = {"initialisations": "initialisation methods", "transfer": f"transfer methods, + started by {init}"}
-    shown = (
-        _initialisations(study, family)
-        if kind == "initialisations"
-        else (*study.runs(family, transfer(init)), study.optimal(family))
-    )
-    title = f"{'Gridworld' if family.tabular else 'Mountain Car'}, {distribution(family)}: {of[kind]}"
-    caption = f"Mean over targets, smoothed over 20 episodes, with 95 % bands; {study.told(family)}."
-    return Picture(name, "curves", shown, title, caption)
+    shown = [
+        run
+        for family in families
+        for run in (
+            _initialisations(study, family)
+            if kind == "initialisations"
+            else (*study.runs(family, transfer(init)), study.optimal(family))
+        )
+    ]
+    where = "Gridworld" if families[0].tabular else "Mountain Car"
+    one = f", {distribution(families[0])}" if len(families) == 1 else ""
+    caption = f"Mean over targets, smoothed over 20 episodes, with 95 % bands; {study.told(families[0])}."
+    return Picture(name, "curves", tuple(shown), f"{where}{one}: {of[kind]}", caption)
 
 
 def _tables(
