@@ -155,7 +155,7 @@ def _checked_dataset(root: Any, name: str) -> Checked:
     if space.get_simple_extent_dims() != space.get_simple_extent_dims(True):
         raise ValueError(f"{name} could grow, as none of ours can")
     if settings.get_layout() == h5py.h5d.CHUNKED:
-        _check_chunks(dataset, settings.get_chunk(), name)
+        _check_chunks(dataset, settings.get_chunk(), filters, name)
     return Checked(h5py.Dataset(dataset), attributes(dataset))
 
 
@@ -168,10 +168,21 @@ def _check_type(kind: Any, name: str) -> None:
         raise ValueError(f"{name} has values of more than {LARGEST_VALUE // 1024**2} MiB")
 
 
-def _check_chunks(dataset: Any, chunk: tuple[int, ...], name: str) -> None:
+def _check_chunks(dataset: Any, chunk: tuple[int, ...], filters: set[int], name: str) -> None:
     size = dataset.get_type().get_size() * math.prod(chunk)
     if size > LARGEST_CHUNK:
         raise ValueError(f"{name} has chunks of more than {LARGEST_CHUNK // 1024**2} MiB")
+    if h5py.h5z.FILTER_DEFLATE in filters:
+        _check_streams(dataset, name)
+        return
+    stored = size + CHECKSUM_BYTES * (h5py.h5z.FILTER_FLETCHER32 in filters)
+    odd: list[Any] = []
+    dataset.chunk_iter(lambda info: odd.append(info) if info.size != stored else None)
+    if odd:
+        raise ValueError(f"{name} has a chunk of {odd[0].size} bytes in the file, not {stored}")
+
+
+def _check_streams(dataset: Any, name: str) -> None:
     suspects: list[Any] = []
     dataset.chunk_iter(
         lambda info: (

@@ -60,6 +60,7 @@ class Artefact:
         self.inputs = description.inputs
         self.schema_version = description.schema_version
         self.format = format
+        self._ahead: dict[str, Array] = {}
         with _trouble_is_damage(self.path):
             self.schema, self.tasks, self._digests, self._statics = _contents(file, description.kind)
             lack = missing(self.schema, part=format.startswith("qinit/part/"))
@@ -110,6 +111,17 @@ class Artefact:
             first += len(block[TASK])
         return whole
 
+    def read_ahead(self, names: Iterable[str]) -> dict[str, Array]:
+        """The whole columns `names`, not verified until every row has been read.
+
+        For a first look at small columns whose rows are read in full later, or given to `check_tasks`: these very
+        numbers are kept, and verified then.
+        """
+        with _trouble_is_damage(self.path):
+            for name in names:
+                self._ahead[name] = self._file[self._column(name).name][...]
+        return {name: self._ahead[name].copy() for name in names}
+
     def blocks(self, names: Iterable[str], size: int) -> Iterator[dict[str, Array]]:
         """The columns `names`, and `task`, of `size` tasks at a time, in the order of ids, verified."""
         columns = [self._column(name) for name in names]
@@ -146,7 +158,13 @@ class Artefact:
         self.close()
 
     def _unverified(self, first: int, stop: int) -> dict[str, Array]:
-        rows = {column.name: self._file[column.name][first:stop] for column in self.schema.task_columns}
+        names = [column.name for column in self.schema.task_columns]
+        rows = {
+            name: self._ahead[name][first:stop].copy()
+            if name in self._ahead
+            else self._file[name][first:stop]
+            for name in names
+        }
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
     def damaged_tasks(self) -> Array:

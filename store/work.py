@@ -223,7 +223,7 @@ class Work:
         digests = task_digests(self._schema.task_columns, ids, columns)
         rows = {**columns, TASK_DIGEST: digests}
         header = self._header(f"qinit/part/{self._schema.kind}", self._part_spec, {}, ())
-        image = encoding.image(header, self._part_schema, ids, digests, rows)
+        image = encoding.image(header, self._part_schema, ids, digests, rows, passing=True)
         path = self.folder / folder.part_name(int(ids[0]), ids.size, digests[0].tobytes().hex())
         with self._keeping():
             publish.place(self._disk, path, image)

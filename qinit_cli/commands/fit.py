@@ -52,6 +52,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     if output.dry_run:
         with open_artefact(path, "sources") as source:
             asked = _asked(source, fitting)
+            source.check_tasks()
         target = target_path(output, "fit", asked.stem, asked.spec)
         say_expected(Expected(str(target), asked.count, 0, 0, 0.0, _bytes(asked.schema)), output, display)
         return
@@ -87,6 +88,7 @@ def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[s
 
     with open_artefact(path, "sources") as source:
         asked = _asked(source, fitting)
+        source.check_tasks()
     return target_path(output, "fit", asked.stem, asked.spec), asked.spec
 
 
@@ -107,7 +109,9 @@ def make_fit(
             target, asked.schema, asked.spec, force=output.force, wait=output.wait, provenance=origin
         ) as artefact:
             complete = artefact.complete
-            if not complete:
+            if complete:
+                source.check_tasks()  # which are fitted was read ahead
+            else:
                 arrays = _arrays(source, asked.family, asked.selection, asked.held, fitting)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
     if complete:
@@ -197,25 +201,21 @@ def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
 
 
 def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
-    """Which sources are fitted; NotAllowed where they are too few."""
+    """Which sources are fitted; NotAllowed where they are too few. Read ahead: verified once all rows have been read."""
     import numpy as np
 
     from qinit_cli.stages.fit import select
 
     columns = family.parameters()
     tasks = np.empty(source.task_count, [(column.name, column.dtype) for column in columns])
-    solved = np.empty(source.task_count, np.bool_)
-    first = 0
-    for block in source.blocks([*(column.name for column in columns), "solved"], source.schema.block_size):
-        rows = slice(first, first + len(block["task"]))
-        for column in columns:
-            tasks[column.name][rows] = block[column.name]
-        solved[rows] = block["solved"]
-        first = rows.stop
+    found = source.read_ahead([*(column.name for column in columns), "solved"])
+    for column in columns:
+        tasks[column.name] = found[column.name]
     horizon = int(source.spec["learning"]["horizon"])
-    selection = select(family, tasks, solved, horizon, fitting)
+    selection = select(family, tasks, found["solved"].astype(bool), horizon, fitting)
     count = int(selection.kept.sum())
     if count - fitting.holdout < FEWEST_SOURCES:
+        source.check_tasks()
         left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
             f"{source.path} has {count} sources to fit{left_out} ({selection.unsolvable} cannot be solved, {selection.unlearned} "

@@ -33,7 +33,9 @@ Bar = Callable[[Display, str, int, int, "Watch"], Progress]  # what is made, tas
 
 LONGEST_STEM = 80  # of the 100 characters that a name may have; the hash behind it tells names apart
 SAVE_SECONDS = 2.0  # of learning that a power cut may cost
-SAVE_BYTES = 64 * 2**20  # that wait in memory to be saved
+SAVE_BYTES = (
+    16 * 2**20
+)  # that wait in memory to be saved; with the copies that saving makes it takes four times that
 
 
 @dataclass

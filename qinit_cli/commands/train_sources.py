@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,6 +20,7 @@ from qinit_cli.learning import Learning
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from qinit_cli.arrays import Flags, Floats, Integers
     from qinit_cli.commands.making import Made, Plan
     from qinit_cli.stages.sources import SourceTasks
 
@@ -163,11 +165,9 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
 
     from qinit_cli.environments.family import draw_tasks
     from qinit_cli.seeding import Stream
-    from store.reading import open_artefact
 
     tally = made.tally
-    with open_artefact(made.path, "sources") as artefact:
-        solved, there = artefact.read("solved").astype(bool), artefact.tasks
+    there, solved, errors = _learned(made.path, tasks)
     drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, there)
     solvable = tasks.family.solvable(drawn, solved, tasks.learning.horizon)
     learned = tally.tasks - tally.skipped - tally.failed
@@ -180,7 +180,6 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
     tally.extra |= {"solved": int(solved.sum()), "unsolvable": int((~solvable).sum())}
     if tasks.learner == "exact" or not tasks.family.tabular:
         return sentence
-    errors = _errors(made.path, tasks)
     place = int(np.nanargmax(np.nanmedian(errors, axis=1)))
     worst = int(there[place])
     tally.extra |= {
@@ -195,8 +194,11 @@ def _summary(made: Made, tasks: SourceTasks) -> str:
     )
 
 
-def _errors(path: Path, tasks: SourceTasks) -> Any:
-    """Relative error against the exact tables of the first tasks, (tasks, S * A)."""
+def _learned(path: Path, tasks: SourceTasks) -> tuple[Integers, Flags, Floats]:
+    """The ids of the tasks (N,), which are solved (N,), and the first ones' relative errors against exact tables, (n, S * A).
+
+    There are no errors where there are no exact tables, or the sources are these.
+    """
     import numpy as np
 
     from qinit_cli.environments.family import draw_tasks
@@ -204,12 +206,16 @@ def _errors(path: Path, tasks: SourceTasks) -> Any:
     from qinit_cli.stages.sources import relative_error
     from store.reading import open_artefact
 
-    found: list[Any] = []
+    family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
+    entries = math.prod(family.shape) * len(family.actions)
+    solved, errors = [np.empty(0, np.bool_)], [np.empty((0, entries))]
     with open_artefact(path, "sources") as artefact:
-        for block in artefact.blocks(("q",), artefact.schema.block_size):
-            drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, block["task"])
-            q = block["q"].reshape(len(drawn), -1, len(tasks.family.actions))
-            found.append(relative_error(tasks.family, tasks.learning.gamma, drawn, q).reshape(len(drawn), -1))
-            if sum(len(errors) for errors in found) >= ERROR_TASKS:
-                break
-    return np.concatenate(found)[:ERROR_TASKS]
+        for block in artefact.blocks(("solved", "q"), artefact.schema.block_size):
+            solved.append(block["solved"].astype(bool))
+            if left > 0:
+                drawn = draw_tasks(family, tasks.seed, Stream.SOURCE_TASK, block["task"][:left])
+                q = block["q"][:left].reshape(len(drawn), -1, len(family.actions))
+                error = relative_error(family, tasks.learning.gamma, drawn, q)
+                errors.append(error.reshape(len(drawn), entries))
+                left -= len(drawn)
+        return artefact.tasks, np.concatenate(solved), np.concatenate(errors)

@@ -104,8 +104,7 @@ def unkept_inlined(function: Callable[..., Any]) -> Any:
 
 
 def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path | None) -> Any:
-    import numba
-
+    numba = _numba()
     config: Any = numba.config
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(folder or "")
@@ -113,6 +112,26 @@ def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path
         return numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = kept  # of other users of Numba in this process
+
+
+@cache
+def _numba() -> Any:
+    """Numba, with all that it else loads at its first compiled call.
+
+    While it does, it imports scipy.linalg, 0.2 s, only to learn whether there is a BLAS for np.cov. There is: whatever needs
+    it imports it when it is compiled.
+    """
+    import numba
+    from numba.core.registry import cpu_target
+    from numba.np import linalg
+
+    asks = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        cpu_target.target_context.refresh()
+    finally:
+        linalg.ensure_blas = asks
+    return numba
 
 
 def _remove_unused(base: Path) -> None:

@@ -49,6 +49,22 @@ def test_damaged_tasks_are_named_and_the_others_are_still_examined(
     assert f"1 of 4 tasks do not hold (2); `qinit salvage {damaged['sources']}` keeps the others" in sentence
 
 
+@pytest.mark.parametrize("name", ["q", "solved"])
+@pytest.mark.parametrize("how", [[], ["--dry-run"], ["--holdout", "3"]], ids=["fit", "dry", "too-few"])
+def test_no_fit_is_told_of_damaged_sources(
+    here: Callable[..., Any], pipeline: Any, tmp_path: Path, name: str, how: list[str]
+) -> None:
+    shutil.copy(pipeline.sources, tmp_path / "a.h5")
+    assert here("fit", "a.h5", "-o", "f.h5").code == 0
+    with h5py.File(tmp_path / "a.h5", "r+", libver=("v110", "v110")) as file:
+        file[name][2] = 1 - file[name][2]
+    for target in ("f.h5", "g.h5"):  # one that is there already, and a new one
+        ended = here("fit", "a.h5", "-o", target, *how)
+        assert ended.code == 6
+        assert "the digest of task 2 does not hold" in ended.err
+    assert not (tmp_path / "g.h5").exists()
+
+
 @pytest.mark.parametrize("content", [b"", b"a letter", b"\x89HDF\r\n\x1a\n" + bytes(200)])
 def test_what_is_no_artefact_is_refused_with_6(
     here: Callable[..., Any], tmp_path: Path, content: bytes

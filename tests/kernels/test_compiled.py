@@ -124,3 +124,21 @@ def test_compiling_is_noted_even_if_the_folder_was_removed_meanwhile(
     folder.rmdir()
     compiled.note_compiled("gridworld-sources")
     assert not compiled.needs_compiling("gridworld-sources")
+
+
+def test_numba_does_not_import_scipys_linear_algebra_before_something_needs_it() -> None:
+    code = """
+import sys
+import numba
+import numpy as np
+from qinit_cli.kernels import gridworld_exact
+
+none = np.empty(0)
+gridworld_exact.solve(none.astype(int), none, 3, 0.9, 1e-9, np.empty((0, 9, 4)), np.empty((0, 9, 4)))
+before = "scipy.linalg" in sys.modules
+table = np.arange(6.0).reshape(2, 3) ** 2
+covariance = numba.njit(lambda table: np.cov(table))(table)
+print(before, "scipy.linalg" in sys.modules, np.allclose(covariance, np.cov(table)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True", "True"]

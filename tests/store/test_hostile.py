@@ -184,10 +184,18 @@ def chunk_without_room_for_its_checksum(file, other):
     chunk_that_says(3, file)
 
 
-def chunk_that_says(size, file):
+def chunk_shorter_than_its_values(file, other):
+    chunk_that_says(20, file, compression=None)  # 16 bytes of 32, and the checksum
+
+
+def chunk_longer_than_its_values(file, other):
+    chunk_that_says(2**20, file, compression=None)
+
+
+def chunk_that_says(size, file, compression="gzip"):
     """Change what the header of "start" says of its one chunk's bytes in the file, and make its checksum hold."""
     start = replaced(
-        file, "start", data=file["start"][...], chunks=(4, 1), compression="gzip", fletcher32=True
+        file, "start", data=file["start"][...], chunks=(4, 1), compression=compression, fletcher32=True
     )
     there, path = start.id.get_chunk_info(0).size, Path(file.filename)
     file.close()
@@ -301,6 +309,8 @@ HOSTILE = {
     chunk_that_says_it_is_huge: "start has a chunk of 3758096384 bytes in the file",
     chunk_that_says_it_is_empty: "has a chunk of 0 bytes in the file",
     chunk_without_room_for_its_checksum: "start has a chunk of 3 bytes in the file",
+    chunk_shorter_than_its_values: "start has a chunk of 20 bytes in the file, not 36",
+    chunk_longer_than_its_values: "start has a chunk of 1048576 bytes in the file, not 36",
     filter_of_a_plug_in: "steps needs a filter that is not ours",
     filter_that_loses: "steps needs a filter that is not ours",
     room_to_grow: "steps could grow",

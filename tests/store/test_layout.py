@@ -20,10 +20,14 @@ from fakes import (
     make_sources,
     narrow_schema,
     one_task,
+    rows_for,
+    spec_for,
 )
 
+from store.folder import work_folder
 from store.reading import open_artefact
 from store.schema import Column, Schema, run_schema, sources_schema
+from store.work import open_work
 
 MAKERS = {"sources": make_sources, "fit": make_fit, "run": make_run}
 TABLE = ("row", "col", "action")
@@ -76,6 +80,17 @@ def test_every_dataset_is_compressed_and_carries_checksums(path):
             assert (dataset.compression, dataset.compression_opts) == ("gzip", 1)
             assert dataset.shuffle
             assert dataset.fletcher32
+
+
+def test_a_part_keeps_real_numbers_uncompressed_and_every_chunk_has_a_checksum(tmp_path):
+    with open_work(tmp_path / "a.h5", SOURCES, spec_for()) as work:
+        work.save(rows_for([0, 1]), np.array([0, 1]))
+    (part,) = work_folder(tmp_path / "a.h5").glob("part-*.h5")
+    with h5py.File(part) as file:
+        packed = {name for name, dataset in file.items() if dataset.compression is not None}
+        assert packed == {name for name, dataset in file.items() if dataset.dtype.kind != "f"}
+        assert {"q", "td_var"} & packed == set()
+        assert all(dataset.fletcher32 for dataset in file.values())
 
 
 def test_chunks_hold_about_256_kib_of_tasks(tmp_path):

@@ -61,6 +61,28 @@ def test_a_damaged_task_is_never_read(damaged):
             next(blocks)
 
 
+def test_a_column_that_is_read_ahead_is_verified_with_the_rows(damaged, tmp_path):
+    with open_artefact(damaged) as artefact:
+        assert artefact.read_ahead(["goal_row"])["goal_row"][4] == 99
+        with pytest.raises(Damaged, match="task 1, 4 does not hold"):
+            artefact.check_tasks()
+    with open_artefact(make_sources(tmp_path / "sound.h5")) as artefact:
+        ahead = artefact.read_ahead(["goal_row"])["goal_row"]
+        ahead[0] += 1  # a copy: what was read is not the reader's to change
+        assert np.array_equal(
+            artefact.read("goal_row"), [one_task(number)["goal_row"] for number in range(6)]
+        )
+
+
+def test_what_is_verified_is_what_was_read_ahead(tmp_path):
+    path = make_sources(tmp_path / "a.h5")
+    with open_artefact(path) as artefact:
+        artefact.read_ahead(["solved"])
+        artefact._ahead["solved"][2] ^= 1  # as if the disk had once read back something else
+        with pytest.raises(Damaged, match="task 2 does not hold"):
+            artefact.check_tasks()
+
+
 def test_a_task_that_cannot_be_read_is_named(tmp_path):
     schema = LIGHT
     path = make_sources(tmp_path / "a.h5", schema=schema)
