@@ -18,7 +18,7 @@ soak: $(VENV)/.test ## long soak and fault-injection runs
 	$(BIN)/python -m pytest -m soak
 
 bench: $(VENV)/.installed $(BENCH)/.installed ## qinit beside its peers, as a table of ratios in markdown
-	$(BENCH)/bin/python tests/benchmarks/ratios.py --qinit $(BIN)/qinit
+	$(BENCH)/bin/python tests/benchmarks/ratios.py --qinit $(BIN)/qinit $(BENCH_OPTIONS)
 
 check: $(VENV)/.test $(VENV)/.check ## format, lint and types
 	$(BIN)/ruff format --check .

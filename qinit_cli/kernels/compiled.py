@@ -2,7 +2,8 @@
 
 Numba's own stamp covers a function's own file: after an edit to a callee elsewhere the old code would keep
 running. The folder is therefore named for the bytes of every kernel file and the version of Numba: other
-code, other folder. What a plug-in compiles goes to a folder that is named for its files as well.
+code, other folder. What a plug-in compiles goes to a folder that is named for its files as well. Any number of
+processes may use and fill a folder at once, and be killed while they do.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import shutil
 import sys
 import tempfile
 import time
+import uuid
 from collections.abc import Callable
 from functools import cache
 from importlib import metadata
@@ -109,9 +111,24 @@ def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(folder or "")
     try:
-        return numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
+        made = numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = kept  # of other users of Numba in this process
+    if folder is not None:
+        _keep_apart(made)
+    return made
+
+
+def _keep_apart(made: Any) -> None:
+    """Gives all that is kept of a function a file name of its own.
+
+    Numba numbers these files by the index it reads before it writes. Two processes that compile the function for other types
+    at once, or one that is killed beside the files of an older index, then leave an index that leads to the code for other
+    types, and whoever comes next runs that.
+    """
+    file = made._cache._cache_file
+    stem = file._index_name.removesuffix(".nbi")
+    file._data_name = lambda number: f"{stem}.{uuid.uuid4().hex}.nbc"
 
 
 @cache

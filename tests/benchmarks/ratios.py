@@ -1,4 +1,4 @@
-"""A table of ratios, in markdown: qinit beside Gymnasium, JAX and quantecon, as one writes the same learning with them.
+"""A table of ratios, in markdown or JSON: qinit beside OpenSpiel, Gymnasium, JAX and quantecon, as one learns with them.
 
 Runs in an environment of the peers' own (`make bench`). Each turn times qinit in a process of its own, then every peer
 here; rates are per second of processor, ratios are within a turn.
@@ -9,15 +9,17 @@ from __future__ import annotations
 import argparse
 import gc
 import json
+import os
 import resource
 import subprocess
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from statistics import median
 
 import gymnasium_loop
 import jax_loop
+import openspiel_loop
 import quantecon_solver
 
 
@@ -30,9 +32,12 @@ class Peer:
     run: Callable[[], float]  # the work done: steps, or tables
 
 
+PACKAGES = ("open_spiel", "gymnasium", "jax", "quantecon", "numpy", "numba")
 PEERS = (
+    Peer("OpenSpiel, its tabular Q-learner", "gridworld sources, early", openspiel_loop.gridworld),
     Peer("Gymnasium + numpy", "gridworld sources, early", gymnasium_loop.gridworld),
     Peer("JAX (float32), lax.scan under vmap", "gridworld sources, early", jax_loop.gridworld),
+    Peer("OpenSpiel, its tabular Q-learner", "mountain-car sources, early", openspiel_loop.mountain_car),
     Peer("Gymnasium + numpy", "mountain-car sources, early", gymnasium_loop.mountain_car),
     Peer("JAX (float32), lax.scan under vmap", "mountain-car sources, early", jax_loop.mountain_car),
     Peer(
@@ -43,24 +48,69 @@ PEERS = (
 )
 
 
+@dataclass(frozen=True)
+class Ratio:
+    """How many times faster qinit is than a peer; rates are per second of processor, medians over the turns."""
+
+    case: str
+    peer: str
+    qinit_rate: float
+    peer_rate: float
+    ratio: float  # the median of the turns' quotients
+    ratio_low: float
+    ratio_high: float
+    turns: int
+
+
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--qinit", required=True, help="the qinit that is timed")
     parser.add_argument("--repeat", type=int, default=3, help="turns")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
-    for peer in PEERS:
-        peer.run()  # compiles
-    turns = [(_qinit(arguments.qinit), [_rate(peer) for peer in PEERS]) for _ in range(arguments.repeat)]
+    found = ratios(arguments.qinit, arguments.repeat)
+    if arguments.json:
+        versions = {name: version(name) for name in PACKAGES}
+        told = {
+            "schema": "qinit.peers/1",
+            "versions": versions,
+            "load": os.getloadavg()[0],
+            "rows": [asdict(one) for one in found],
+        }
+        print(json.dumps(told))
+        return
     print("| what | qinit | peer | | times faster |")
     print("| --- | ---: | ---: | --- | ---: |")
+    for one in found:
+        case = one.case.partition(",")[0] if "sources" in one.case else f"Q* of {one.case}"
+        spread = f"{one.ratio:.3g} ({one.ratio_low:.3g} to {one.ratio_high:.3g})"
+        print(f"| {case} | {_told(one.qinit_rate)} | {_told(one.peer_rate)} | {one.peer} | {spread} |")
+
+
+def ratios(qinit: str, repeat: int) -> list[Ratio]:
+    """One for each peer."""
+    for peer in PEERS:
+        peer.run()  # compiles
+    turns = [(_qinit(qinit), [_rate(peer) for peer in PEERS]) for _ in range(repeat)]
+    found = []
     for place, peer in enumerate(PEERS):
         ours = [rates[peer.case] for rates, _ in turns]
         theirs = [rates[place] for _, rates in turns]
-        ratios = sorted(mine / their for mine, their in zip(ours, theirs, strict=True))
-        spread = f"{median(ratios):.3g} ({ratios[0]:.3g} to {ratios[-1]:.3g})"
-        case = peer.case.partition(",")[0] if "sources" in peer.case else f"Q* of {peer.case}"
-        print(f"| {case} | {_told(median(ours))} | {_told(median(theirs))} | {peer.name} | {spread} |")
+        quotients = [mine / their for mine, their in zip(ours, theirs, strict=True)]
+        found.append(
+            Ratio(
+                case=peer.case,
+                peer=peer.name,
+                qinit_rate=median(ours),
+                peer_rate=median(theirs),
+                ratio=median(quotients),
+                ratio_low=min(quotients),
+                ratio_high=max(quotients),
+                turns=repeat,
+            )
+        )
+    return found
 
 
 def _qinit(qinit: str) -> dict[str, float]:
@@ -98,6 +148,4 @@ def _told(rate: float) -> str:
 
 
 if __name__ == "__main__":
-    began = time.perf_counter()
     main()
-    print(f"\nin {time.perf_counter() - began:.0f} s")
