@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Integers
 
-ALONE, HEIGHT = 2.4, 1.75  # inches: one panel, one of several
+ALONE, HEIGHT, LEAST = 2.4, 1.75, 1.1  # inches: one panel, one of several, one of many
 FEW = 6  # lines, whose bands may be darker
 XLABEL = "episode"
 
@@ -55,10 +55,11 @@ def curves(
     rows = -(-len(panels) // columns)
     alike = len({panel.band for panel in panels}) == 1
     band = f"band: {panels[0].band}" if alike and len(panels) > 1 else ""
-    height = ALONE if len(panels) == 1 else rows * HEIGHT + 0.3 + (0.2 if title else 0)
-    height += legend.height(labels, width, band)
-    if height > TALLEST:
+    around = legend.height(labels, width, band) + (0.0 if len(panels) == 1 else 0.3 + (0.2 if title else 0))
+    each = ALONE if len(panels) == 1 else min(HEIGHT, (TALLEST - around) / rows)
+    if each < LEAST:
         raise UsageError(f"{len(panels)} panels do not fit on a page; draw fewer distributions")
+    height = rows * each + around
     figure = Figure(figsize=(width, height))
     drawn = figure.subplots(rows, columns, squeeze=False, sharey="row" if across else False)
     own = dict(zip(labels, looks(labels), strict=True))
@@ -70,6 +71,7 @@ def curves(
             axes.set_ylabel(ylabel)
         if at + columns >= len(panels):
             axes.set_xlabel(f"{XLABEL} (band: {panel.band})" if alone else XLABEL)
+    figure.align_ylabels(list(drawn[:, 0]))
     for axes in list(drawn.flat)[len(panels) :]:
         axes.set_axis_off()
     if len(panels) > 1 and title:

@@ -12,7 +12,8 @@ import pytest
 from qinit_cli.analysis.intervals import Interval
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.curves import Curve, Panel, curves
-from qinit_cli.figures.style import house_style
+from qinit_cli.figures.style import TALLEST, house_style
+from qinit_cli.methods import METHODS
 from qinit_cli.pictures.order import KINDS, of_kind, ordered
 
 Draw = Callable[..., Any]
@@ -133,9 +134,18 @@ def test_methods_stand_as_they_are_registered_with_their_plus_behind_them() -> N
 
 def test_more_panels_than_a_page_holds_are_refused() -> None:
     flat = Interval(*(np.zeros(2) for _ in range(3)))
-    panels = [Panel(str(at), "", [Curve("zero", np.array([1, 2]), flat)]) for at in range(16)]
+    panels = [Panel(str(at), "", [Curve("zero", np.array([1, 2]), flat)]) for at in range(24)]
     with house_style(), pytest.raises(UsageError, match="do not fit on a page"):
         curves(panels, "return", "", 7.0)
+
+
+def test_six_distributions_by_kind_fit_on_a_page() -> None:
+    flat = Interval(*(np.zeros(2) for _ in range(3)))
+    lines = [Curve(label, np.array([1, 2]), flat) for label in METHODS]
+    with house_style():
+        figure = curves([Panel(str(at), "", lines) for at in range(12)], "return", "title", 7.0, across=2)
+    assert len(figure.axes) == 12
+    assert figure.get_size_inches()[1] <= TALLEST
 
 
 @pytest.mark.parametrize(("width", "inches"), [("column", 3.5), ("text", 7.0)])
