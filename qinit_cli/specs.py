@@ -64,7 +64,7 @@ def run(method: Method, targets: TargetTasks, tasks: int, fit: str, fitted: Spec
     return {
         "kind": "run",
         "algorithm_version": ALGORITHM,
-        "method": _method(method),
+        "method": _method(method, targets.family),
         "family": _family(targets.family),
         "learning": asdict(targets.learning),
         "seed": targets.seed,
@@ -88,7 +88,7 @@ def tuning(
     return {
         "kind": "tuning",
         "algorithm_version": ALGORITHM,
-        "method": _method(method),
+        "method": _method(method, targets.family),
         "grid": {name: list(values) for name, values in grid.items()},
         "family": _family(targets.family),
         "learning": asdict(targets.learning),
@@ -129,9 +129,9 @@ def source_set(fitted: Spec) -> Spec:
     }
 
 
-def _method(method: Method) -> Spec:
+def _method(method: Method, family: Family) -> Spec:
     """The method's name, label and options; a method that it starts from stands with its own options."""
-    settings = asdict(method)  # type: ignore[call-overload]  # a dataclass
+    settings = asdict(method.on(family))  # type: ignore[call-overload]  # a dataclass
     if isinstance(method, Plus):
         start = initialisations()[method.init]()
         settings["init"] = {"name": start.name, **asdict(start)}  # type: ignore[call-overload]  # a dataclass

@@ -2,7 +2,8 @@
 """Weighing tables of solved tasks by a target's own steps, while it is learned.
 
 Table i is a hypothesis about the target. A step's TD error under it, d = r + gamma max Q_i(s', .) - Q_i(s, a), has a known
-scale where the hypothesis is true, so ln w_i falls by temperature * min(cap, max(0, d^2 / (td_var_i(s, a) + floor^2) - excess)).
+scale where the hypothesis is true, so ln w_i falls by temperature * min(cap, (d^2 - c td_var_i(s, a)) / (td_var_i(s, a) +
+floor^2) - excess): c is 1 for centred evidence, whose mean is 0 where the hypothesis is true, else 0, and then it is at least 0.
 The start M is the mean of the tables under the weights. When these have moved by more than `threshold` since M was last made,
 M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a): what learning with the same targets would
 hold had it begun at M'. That factor changes only where the agent acts, so a state's row is brought up to date when the agent
@@ -38,6 +39,7 @@ class Hypotheses:
     freeze: int
     threshold: float
     geometric: bool
+    centred: bool
 
     def mean(self) -> Floats:
         """The tables' mean under equal weights, (S, A): over those that know the pair, NaN where none does."""
@@ -56,10 +58,11 @@ class Posterior(NamedTuple):
     values: Any  # f8 (S * A, K)
     worth: Any  # f8 (S + 2, K) of entering a state: gamma max_a Q_i; the last two are the goal's, 1, and that of being lost, 0
     precision: Any  # f8 (S * A, K) 1 / (td_var + floor^2); 0 where the table does not know the pair
+    expected: Any  # f8 (S * A, K) d^2 * precision that counts as no evidence
     terms: Any  # f8 (S * A, K) what M averages: Q_i or ln Q_i, 0 where unknown
     temperature: float
-    excess: float
     cap: float
+    least: float
     freeze: int
     threshold: float
     geometric: bool
@@ -97,6 +100,8 @@ def new_posterior(
     worth[states] = 1.0
     worth[:states] = columns(gamma * hypotheses.q.max(axis=2))
     values = columns(hypotheses.q)
+    precision: Floats = known / (hypotheses.td_var + hypotheses.floor**2)
+    usual = hypotheses.td_var * (1.0 if hypotheses.centred else 0.0)
     logs = (
         np.log(hypotheses.q, where=known, out=np.zeros_like(hypotheses.q)) if hypotheses.geometric else None
     )
@@ -105,11 +110,12 @@ def new_posterior(
         actions=actions,
         values=values,
         worth=worth,
-        precision=columns(known / (hypotheses.td_var + hypotheses.floor**2)),
+        precision=columns(precision),
+        expected=columns(known * (usual * precision + hypotheses.excess)),
         terms=values if logs is None else columns(logs),
         temperature=float(hypotheses.temperature),
-        excess=float(hypotheses.excess),
         cap=float(hypotheses.cap),
+        least=-np.inf if hypotheses.centred else 0.0,
         freeze=int(hypotheses.freeze),
         threshold=float(hypotheses.threshold),
         geometric=bool(hypotheses.geometric),
@@ -159,10 +165,11 @@ def weigh(posterior, lane, task, state, action, after):
     posterior.left[lane, pair] *= posterior.kept
     log_weight, values = posterior.log_weight[lane], posterior.values[pair]
     worth, precision = posterior.worth[np.int64(after)], posterior.precision[pair]
+    expected, cap, least = posterior.expected[pair], posterior.cap, posterior.least
     for place in range(0, len(log_weight), EIGHT):
         error = load_reals(worth, place) - load_reals(values, place)
-        surprise = error * error * load_reals(precision, place) - posterior.excess
-        surprise = chosen(surprise > posterior.cap, posterior.cap, chosen(surprise > 0.0, surprise, 0.0))
+        surprise = error * error * load_reals(precision, place) - load_reals(expected, place)
+        surprise = chosen(surprise > cap, cap, chosen(surprise > least, surprise, least))
         store_reals(log_weight, place, load_reals(log_weight, place) - surprise * posterior.temperature)
     _normalise(posterior, lane, task)
 

@@ -8,12 +8,13 @@ also read the target's parameters and return arrays with a leading target axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from qinit_cli.fields import check, option, options
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.environments.family import Family
     from qinit_cli.fitted import Fit
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.kernels.posterior import Hypotheses
@@ -69,6 +70,10 @@ class Method:
 
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
+
+    def on(self, family: Family) -> Self:
+        """With what it leaves to the family filled in; itself."""
+        return self
 
     @property
     def reads_moments(self) -> bool:

@@ -14,20 +14,41 @@ from qinit_cli.methods.method import LARGEST_RETURN, Initial, Method
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
+    from qinit_cli.environments.family import Family
     from qinit_cli.fitted import Fit
     from qinit_cli.kernels.posterior import Hypotheses
     from qinit_cli.methods.targets import Targets
+
+
+# In variances, for centred and for bounded evidence. Where states are Markov an error that a table does not expect is evidence
+# however large: its own goal was passed, or the target's found. Elsewhere bins hide part of the state, and true tables err too.
+CAPS = {"centred": 200.0, "bounded": 5.0}
 
 
 @dataclass(frozen=True)
 class Posterior(Method):
     """Posterior, beyond the paper: starts from a mean of the sources and weighs them by the target's own TD errors."""
 
-    temperature: float = option(0.05, "Factor of the evidence: 0 leaves all weights equal.", low=0)
-    floor: float = option(0.01, "Least standard deviation of a TD error; above 0.", low=1e-9)
+    evidence: Literal["by-family", "centred", "bounded"] = option(
+        "by-family",
+        "Squared TD errors less what the source itself has (centred), or as they are, each step's much bounded; by-family: "
+        "centred where the table's states are Markov.",
+    )
+    temperature: float = option(
+        0.05,
+        "Factor of the evidence: 0 leaves all weights equal.",
+        low=0,
+        grid=(0.0, 0.01, 0.02, 0.05, 0.1, 0.2),
+    )
+    floor: float = option(0.01, "Least standard deviation of a TD error, above 0.", low=1e-9)
     excess: float = option(0.0, "Squared TD error, in variances, that counts as none.", low=0)
-    cap: float = option(25.0, "Most that one step's squared TD error counts, in variances.", low=0)
-    freeze: int = option(5, "Goals reached after which the weights stay; 0: they never freeze.", low=0)
+    cap: float | None = option(
+        None,
+        "Most that one step's squared TD error counts, in variances.",
+        low=0,
+        default_text="200 if centred, else 5",
+    )
+    freeze: int = option(3, "Goals reached after which the weights stay; 0: they never freeze.", low=0)
     threshold: float = option(
         0.05, "Movement of the weights, summed over sources, at which the table follows.", low=0, high=2
     )
@@ -45,28 +66,37 @@ class Posterior(Method):
     name: ClassVar[str] = "posterior"
     formula: ClassVar[str] = "sum_i w_i Q_i, ln w_i = -temperature sum of z_i^2 over the target's own steps"
 
+    def on(self, family: Family) -> Posterior:
+        """With the evidence that suits the family, and its cap."""
+        evidence = self.evidence
+        if evidence == "by-family":
+            evidence = "centred" if family.tabular else "bounded"
+        return replace(self, evidence=evidence, cap=CAPS[evidence] if self.cap is None else self.cap)
+
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """The mean of the tables under equal weights, (S, A), NaN where none of them knows."""
-        return self.hypotheses(fit).mean()
+        return self.hypotheses(fit, targets.family).mean()
 
     def initial(self, fit: Fit, targets: Targets) -> Initial:
         """The mean's start, and the tables with which learning goes on to change it."""
-        return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit))
+        return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit, targets.family))
 
-    def hypotheses(self, fit: Fit) -> Hypotheses:
+    def hypotheses(self, fit: Fit, family: Family) -> Hypotheses:
         """The library's tables, within what a return can be, with the rules of weighing."""
         import numpy as np
 
         from qinit_cli.kernels.posterior import Hypotheses
 
+        rules = self.on(family)
         return Hypotheses(
             q=np.clip(fit.library_q[: self.library], 0.0, LARGEST_RETURN),
             td_var=fit.library_td_var[: self.library],
             temperature=self.temperature,
             floor=self.floor,
             excess=self.excess,
-            cap=self.cap,
+            cap=CAPS[rules.evidence] if rules.cap is None else rules.cap,
             freeze=self.freeze,
             threshold=self.threshold,
             geometric=self.mixing == "geometric",
+            centred=rules.evidence == "centred",
         )

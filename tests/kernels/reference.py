@@ -233,6 +233,7 @@ class Weighed:
     freeze: int
     threshold: float
     geometric: bool
+    centred: bool
 
     def __post_init__(self) -> None:
         self.log_weight = np.zeros(len(self.tables))
@@ -261,8 +262,10 @@ class Weighed:
         entering = 1.0 if reached else self.gamma * self.tables[:, after].max(axis=1)
         here = self.tables[:, state, action]
         known = here > 0  # a table that does not know the pair says nothing
-        squares = (entering - here) ** 2 / (self.td_var[:, state, action] + self.floor**2)
-        self.log_weight -= self.temperature * known * np.clip(squares - self.excess, 0, self.cap)
+        own = self.td_var[:, state, action]
+        squares = ((entering - here) ** 2 - self.centred * own) / (own + self.floor**2)
+        least = -np.inf if self.centred else 0
+        self.log_weight -= self.temperature * known * np.clip(squares - self.excess, least, self.cap)
         if np.abs(self.weight - self.mixed).sum() > self.threshold:
             self.mixed, self.moves, before = self.weight, self.moves + 1, self.start
             self.start = self.mean()

@@ -28,9 +28,33 @@ ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
 GRID = Learning(alpha=0.1, gamma=0.95, epsilon=0.2, episodes=40, horizon=40, start="anywhere")
 CAR = Learning(alpha=0.1, gamma=0.99, epsilon=0.3, episodes=20, horizon=150, start="anywhere")
 RULES: list[dict[str, Any]] = [
-    {"temperature": 0.05, "floor": 0.01, "excess": 0.0, "cap": 25.0, "freeze": 5, "threshold": 0.05},
-    {"temperature": 0.5, "floor": 0.05, "excess": 4.0, "cap": 25.0, "freeze": 1, "threshold": 0.05},
-    {"temperature": 0.01, "floor": 0.1, "excess": 0.5, "cap": 3.0, "freeze": 0, "threshold": 0.001},
+    {
+        "temperature": 0.05,
+        "floor": 0.01,
+        "excess": 0.0,
+        "cap": 25.0,
+        "centred": False,
+        "freeze": 5,
+        "threshold": 0.05,
+    },
+    {
+        "temperature": 0.5,
+        "floor": 0.05,
+        "excess": 4.0,
+        "cap": 25.0,
+        "centred": False,
+        "freeze": 1,
+        "threshold": 0.05,
+    },
+    {
+        "temperature": 0.01,
+        "floor": 0.1,
+        "excess": 0.5,
+        "cap": 3.0,
+        "centred": True,
+        "freeze": 0,
+        "threshold": 0.001,
+    },
 ]
 ALL = Records(40, True, True)
 MOMENTS = np.array([0, 1, 2, 5, 20])

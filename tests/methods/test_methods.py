@@ -11,6 +11,7 @@ from scipy import stats
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit
 from qinit_cli.methods import METHODS, Initial, Method, Targets
@@ -24,6 +25,7 @@ from qinit_cli.methods.method import Initialisation
 from qinit_cli.methods.ops_tl import OpsTl
 from qinit_cli.methods.optimal import Optimal
 from qinit_cli.methods.plus import Plus
+from qinit_cli.methods.posterior import Posterior
 from qinit_cli.methods.ptrs import Ptrs
 from qinit_cli.methods.ucoi import Ucoi
 from qinit_cli.methods.zero import Zero
@@ -311,3 +313,50 @@ def test_ops_tl_chooses_among_the_greedy_policies_of_the_first_tables() -> None:
 )
 def test_a_label_tells_the_options_that_are_not_at_their_default(method: Method, label: str) -> None:
     assert method.label == label
+
+
+@pytest.mark.parametrize("mixing", ["arithmetic", "geometric"])
+def test_posterior_starts_from_the_librarys_mean_over_those_that_know(mixing: Any) -> None:
+    initial = _initial(Posterior(mixing=mixing))
+    for state, action in np.ndindex(4, 4):
+        known = [table[state, action] for table in LIBRARY if table[state, action] > 0]
+        mean = stats.gmean(known) if mixing == "geometric" else np.mean(known)
+        assert initial.start[state, action] == pytest.approx(mean if known else 0.0, rel=1e-13)
+    assert initial.filled == (LIBRARY.max(axis=0) == 0).sum() > 0
+
+
+def test_posterior_weighs_the_first_tables_of_the_library_by_its_own_rules() -> None:
+    method = Posterior(library=1, temperature=0.3, floor=0.2, excess=1.0, freeze=7, threshold=0.01)
+    initial = _initial(method)
+    hypotheses = initial.hypotheses
+    assert hypotheses is not None
+    assert initial.hypothesis_count == 1
+    np.testing.assert_array_equal(hypotheses.q, LIBRARY[:1])
+    np.testing.assert_array_equal(hypotheses.td_var, FIT.library_td_var[:1])
+    rules = (
+        hypotheses.temperature,
+        hypotheses.floor,
+        hypotheses.excess,
+        hypotheses.freeze,
+        hypotheses.threshold,
+    )
+    assert rules == (0.3, 0.2, 1.0, 7, 0.01)
+    assert _initial(Posterior(library=0)).hypothesis_count == 0
+
+
+def test_posteriors_evidence_is_centred_where_states_are_markov_and_bounded_elsewhere() -> None:
+    grid, car = Gridworld(), MountainCar()
+    assert (Posterior().on(grid).evidence, Posterior().on(grid).cap) == ("centred", 200)
+    assert (Posterior().on(car).evidence, Posterior().on(car).cap) == ("bounded", 5)
+    assert Posterior(evidence="bounded").on(grid).cap == 5
+    assert Posterior(cap=9.0).on(car).cap == 9
+    hypotheses = _initial(Posterior()).hypotheses
+    assert hypotheses is not None
+    assert hypotheses.centred
+    assert hypotheses.cap == 200
+
+
+def test_no_other_method_leaves_anything_to_the_family() -> None:
+    for name, method in METHODS.items():
+        if name != "posterior":
+            assert method().on(FAMILY) == method()

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import typer
 
-from qinit_cli.commands.plot import bars, car, curves, eopl, heatmaps, histograms, normality, occupancy
+from qinit_cli.commands.plot import (
+    bars,
+    car,
+    curves,
+    eopl,
+    heatmaps,
+    histograms,
+    normality,
+    occupancy,
+    posterior,
+)
 
 
 def add_to(plots: typer.Typer) -> None:
     """Adds one subcommand per picture."""
-    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality):
+    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality, posterior):
         picture.add_to(plots)
