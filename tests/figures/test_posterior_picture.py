@@ -34,8 +34,8 @@ def test_runs_of_one_method_are_pooled_and_others_have_lines_of_their_own(
     strong = here("transfer", "posterior", pipeline.fit, "--temperature", 1, *options).path
     figure = drawn("posterior", *some, strong, "--width", "column", "--title", "")
     assert [text.get_text() for text in figure.legends[0].texts] == [
-        "posterior, gridworld-6-variance-7",
-        "posterior temperature=1.0, gridworld-6-variance-7",
+        "posterior, gridworld-6-variance-2",
+        "posterior temperature=1.0, gridworld-6-variance-2",
     ]
     both = []
     for path in some:

@@ -179,7 +179,7 @@ def test_a_gridworld_written_as_a_table_learns_what_the_gridworlds_own_loop_lear
     given, random = chance(8, 4), np.random.default_rng(2)
     q = random.uniform(0.1, 0.9, (5, SIZE**2, 4)) * (random.random((5, SIZE**2, 4)) > 0.1)
     rules = {"temperature": 0.05, "floor": 0.01, "excess": 0.5, "cap": 25.0, "freeze": 9, "threshold": 0.05}
-    hypotheses = Hypotheses(q, random.uniform(0, 0.05, q.shape), **rules, geometric=False)
+    hypotheses = Hypotheses(q, random.uniform(0, 0.05, q.shape), **rules, geometric=False, centred=True)
     start = Start(np.nan_to_num(hypotheses.mean()), hypotheses=hypotheses if weighing else None)
     records = dataclasses.replace(ALL, moments=np.array([0, 1, 5, 60]))
     tabled = gridworlds_as_tables().worlds(np.zeros((4, 4), np.uint64))

@@ -320,8 +320,8 @@ def test_posterior_starts_from_the_librarys_mean_over_those_that_know(mixing: An
     initial = _initial(Posterior(mixing=mixing))
     for state, action in np.ndindex(4, 4):
         known = [table[state, action] for table in LIBRARY if table[state, action] > 0]
-        mean = stats.gmean(known) if mixing == "geometric" else np.mean(known)
-        assert initial.start[state, action] == pytest.approx(mean if known else 0.0, rel=1e-13)
+        expected = 0.0 if not known else stats.gmean(known) if mixing == "geometric" else np.mean(known)
+        assert initial.start[state, action] == pytest.approx(expected, rel=1e-13)
     assert initial.filled == (LIBRARY.max(axis=0) == 0).sum() > 0
 
 
