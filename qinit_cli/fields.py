@@ -27,11 +27,13 @@ def option(
     short: str | None = None,
     panel: str | None = None,
     grid: tuple[float, ...] = (),
+    positional: bool = False,
 ) -> Any:
     """A dataclass field that is also a command-line option.
 
     `low` and `high` bound a number (both included); `default_text` tells in the help where a default of None comes from;
     `short` is a one-letter flag; `panel` the help group, if not that of the whole dataclass; `grid` what `qinit tune` tries.
+    A `positional` one is an argument that must be given, and has no flag.
     """
     return dataclasses.field(
         default=default,
@@ -42,6 +44,7 @@ def option(
             "default_text": default_text,
             "metavar": metavar,
             "short": short,
+            "positional": positional,
             "panel": panel,
             "grid": grid,
         },

@@ -100,7 +100,12 @@ def tuning(
 
 
 def plug_ins(spec: Mapping[str, Any]) -> dict[str, str]:
-    """The plug-ins whose families and methods a spec names: "plug-in NAME", and the distribution with its version."""
+    """The plug-ins whose families and methods a spec names: "plug-in NAME", and the distribution with its version.
+
+    Also the packages that a family's numbers depend on (its `packages`), with their versions.
+    """
+    from importlib.metadata import version
+
     families = [each["family"]["name"] for each in (spec, spec.get("sources", {})) if "family" in each]
     method = spec.get("method", {})
     methods = [
@@ -109,7 +114,10 @@ def plug_ins(spec: Mapping[str, Any]) -> dict[str, str]:
     ]
     packages = [(name, FAMILIES.package(name)) for name in families]
     packages += [(name, METHODS.package(name)) for name in methods]
-    return {f"{PLUG_IN} {name}": package for name, package in packages if package}
+    needed = {each for name in families for each in getattr(FAMILIES.get(name), "packages", ())}
+    return {f"{PLUG_IN} {name}": package for name, package in packages if package} | {
+        each: version(each) for each in sorted(needed)
+    }
 
 
 def source_set(fitted: Spec) -> Spec:

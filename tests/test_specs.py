@@ -20,9 +20,12 @@ FITTED = specs.fit(specs.sources(SOURCES, 10), ["sources"], FitOptions())
 TARGETS = TargetTasks(Gridworld(), Gridworld.target_learning, 0, False)
 
 
+NEEDED = {"gym": {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]}}
+
+
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_family_survives_being_stored(name: str) -> None:
-    family = FAMILIES[name]()
+    family = FAMILIES[name](**NEEDED.get(name, {}))
     spec = specs.sources(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
     assert family_of(json.loads(json.dumps(spec))) == family
 

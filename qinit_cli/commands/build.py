@@ -56,6 +56,11 @@ class Group:
 
     def _parameter(self, option: Field[Any], hint: Any) -> inspect.Parameter:
         meta = option.metadata
+        if meta["positional"]:
+            argument = typer.Argument(help=meta["help"], metavar=meta["metavar"])
+            return inspect.Parameter(
+                option.name, inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[hint, argument]
+            )
         default_text = self.default_texts.get(option.name, meta["default_text"])
         spelled = [flag(option.name)] + ([meta["short"]] if meta["short"] else [])
         info = typer.Option(

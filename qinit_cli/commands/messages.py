@@ -83,7 +83,8 @@ class Progress:
 
     def _rate(self) -> str:
         seconds = max(time.monotonic() - self._started, 1e-9)
-        return f"{self._watch.steps / seconds / 1e6:.1f} M steps/s"
+        rate = self._watch.steps / seconds
+        return f"{rate / 1e6:.1f} M steps/s" if rate >= 1e5 else f"{rate:,.0f} steps/s"
 
     def _left(self) -> float | None:
         done = self._done - self._before

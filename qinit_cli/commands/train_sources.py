@@ -121,7 +121,10 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
         raise UsageError(
             f"{family.name} is not Markov in its table's states, so it has no exact tables; leave out --learner exact"
         )
-    return SourceTasks(family, sources.learner, sources.learning(type(family)), sources.seed)
+    learning = sources.learning(type(family))
+    if refusal := family.refusal(learning):
+        raise UsageError(refusal)
+    return SourceTasks(family, sources.learner, learning, sources.seed)
 
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:

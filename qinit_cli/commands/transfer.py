@@ -203,9 +203,12 @@ def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[Targe
 
     sources = fitted["sources"]
     family = learning.family(family_of(sources))
+    settings = learning.learning(family, sources["learning"])
+    if refusal := family.refusal(settings):
+        raise UsageError(refusal)
     targets = TargetTasks(
         family,
-        learning.learning(family, sources["learning"]),
+        settings,
         learning.seed,
         learning.keep_q,
         learning.evaluate_every,

@@ -10,6 +10,7 @@ from typing import Any
 
 from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.environments.windy_gridworld import WindyGridworld
@@ -19,7 +20,7 @@ from qinit_cli.registry import PLUG_IN, Registry
 FAMILIES: Registry[Family] = Registry(
     "qinit.families",
     "family",
-    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld),
+    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym),
     lambda found: _fault(found),
 )
 

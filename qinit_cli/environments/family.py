@@ -81,6 +81,10 @@ class Family(Protocol):
         """What whoever uses this distribution should know; empty if nothing."""
         ...
 
+    def refusal(self, learning: Learning) -> str:
+        """Why its tasks cannot be learned so; empty if they can."""
+        ...
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the family's compiled loop takes them.
 

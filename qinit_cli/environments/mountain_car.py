@@ -126,6 +126,10 @@ class MountainCar:
         """One task: its push; 0 where pushes are drawn every step."""
         return (float(chance.normal(0.0, self.spread)) if self.noise_per == "task" else 0.0,)
 
+    def refusal(self, learning: Learning) -> str:
+        """Why its tasks cannot be learned so: nothing."""
+        return ""
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them; `own` are the streams of pushes that are drawn every step."""
         from qinit_cli.kernels.dice import seeds

@@ -98,6 +98,10 @@ class NeutralFamily:
         """What whoever uses this distribution should know; nothing."""
         return ""
 
+    def refusal(self, learning: Learning) -> str:
+        """Why its tasks cannot be learned so: nothing."""
+        return ""
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as a compiled loop takes them."""
         raise NotImplementedError

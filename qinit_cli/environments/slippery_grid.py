@@ -91,6 +91,10 @@ class SlipperyGrid:
         """What whoever uses this distribution should know; nothing."""
         return ""
 
+    def refusal(self, learning: Learning) -> str:
+        """Why its tasks cannot be learned so: nothing."""
+        return ""
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them; all their chance is in the steps' dice, `own` is not used."""
         from qinit_cli.kernels.gridworld import Gridworlds

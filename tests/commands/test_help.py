@@ -97,8 +97,11 @@ def test_every_field_of_families_and_methods_is_an_option_with_its_help_and_defa
     first = (owner.__doc__ or "").splitlines()[0]
     assert any(first in line for line in lines)
     for field in options(owner):
-        line = _line_of(flag(field.name), lines)
+        told = field.metadata["metavar"] if field.metadata["positional"] else flag(field.name)
+        line = _line_of(told, lines)
         assert field.metadata["help"] in line
+        if field.metadata["positional"]:
+            continue
         if field.metadata["default_text"]:
             assert f"[default: ({field.metadata['default_text']})]" in line
         elif field.default is not None and field.default is not False:

@@ -1,0 +1,490 @@
+"""Any Gymnasium environment whose observations are numbered, or can be put into bins, and whose actions are numbered.
+
+Its rewards are not used: a task is worth 1 on reaching the goal, as in every family, and `goal` says which end that is. Where the
+environment has a table of its transitions (FrozenLake, Taxi, CliffWalking), it is read, learned in the compiled loop and solved
+exactly; else it is simulated by gymnasium itself, step by step, in Python.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from qinit_cli.environments.gym_tables import (
+    SURVIVED,
+    Episodes,
+    Settings,
+    Table,
+    has_table,
+    made,
+    table,
+    verdict,
+)
+from qinit_cli.environments.neutral import LIKELY, TableFamily
+from qinit_cli.environments.variation import Variation, setting
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.fields import check, option
+from qinit_cli.learning import Learning
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
+    from qinit_cli.kernels.batch import Worlds
+    from qinit_cli.kernels.tables import Tables
+    from store.schema import Axis, Column
+
+DEFAULT_BINS = 10
+UNBOUNDED = 1e6  # a bound beyond it is none
+PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
+RESETS = 200  # seeds 0 to 199, whose states are taken for where episodes start
+
+
+@dataclass(frozen=True)
+class Gym(TableFamily):
+    """A Gymnasium environment, some of whose constructor arguments or attributes change from task to task."""
+
+    env_id: str = option(
+        "", "The environment's id, such as FrozenLake-v1.", metavar="ENV_ID", positional=True
+    )
+    vary: list[str] | None = option(
+        None,
+        "What changes from task to task, a constructor argument or a number of the unwrapped environment: "
+        "normal:MEAN,STD, uniform:LOW,HIGH, or map:SIZE,FROZEN for a FrozenLake's desc; may be given several times.",
+        metavar="NAME=KIND:A,B",
+        default_text="nothing: all tasks are one",
+    )
+    set: list[str] | None = option(
+        None,
+        "Such an argument or number, the same for all tasks; may be given several times.",
+        metavar="NAME=VALUE",
+        default_text="as the environment has it",
+    )
+    bins: str | None = option(
+        None,
+        "Bins along each dimension of a Box: one number, or one for each dimension.",
+        metavar="N[,N...]",
+        default_text=str(DEFAULT_BINS),
+    )
+    range: list[str] | None = option(
+        None,
+        "What the bins of a dimension cover; needed where the environment has no bounds; may be given several times.",
+        metavar="DIM=LOW:HIGH",
+        default_text="the environment's bounds",
+    )
+    goal: str | None = option(
+        None,
+        "Which end is the goal: terminated (every one), a rule such as reward>0 (of the last step), or survived "
+        "(the horizon is the goal, and every end a failure).",
+        metavar="RULE",
+        default_text="the ends that pay best, if there is a table; else it must be given",
+    )
+
+    name: ClassVar[str] = "gym"
+    packages: ClassVar[tuple[str, ...]] = ("gymnasium",)  # whose version decides what happens
+    source_tasks: ClassVar[int] = 50
+    target_tasks: ClassVar[int] = 50
+    source_learning: ClassVar[Learning] = Learning(
+        alpha=0.1, gamma=0.99, epsilon=0.5, episodes=10_000, horizon=200, start="fixed"
+    )
+    target_learning: ClassVar[Learning] = Learning(
+        alpha=0.1, gamma=0.99, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        for name in (
+            "vary",
+            "set",
+            "range",
+        ):  # a list cannot be kept in a cache, a shift brings a single text
+            given = getattr(self, name)
+            object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given or ()))
+        if not self.env_id:
+            raise ValueError("an environment's id is missing, such as FrozenLake-v1")
+        names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"{twice[0]} is varied or set twice")
+
+    @property
+    def label(self) -> str:
+        """What tells this distribution from its neighbours, for names of artefacts."""
+        parts = [self.env_id, *self._texts("set"), *self._texts("vary")]
+        parts += [f"bins-{self.bins}"] if self.bins else []
+        parts += [f"goal-{self.goal}"] if self.goal else []
+        return re.sub(r"[^A-Za-z0-9._]+", "-", "-".join([self.name, *parts])).rstrip("-")
+
+    @property
+    def warning(self) -> str:
+        """What whoever uses this distribution should know; empty if nothing."""
+        if not self._variations:
+            return "without --vary all tasks are the same: there is no distribution to transfer from"
+        return ""
+
+    @property
+    def tabular(self) -> bool:  # type: ignore[override]  # a matter of the environment here
+        """Whether the environment has a table of its transitions, and ends by itself."""
+        return self._seen.table and self.goal != SURVIVED
+
+    @property
+    def actions(self) -> tuple[str, ...]:  # type: ignore[override]  # a matter of the environment here
+        """Their numbers."""
+        return tuple(map(str, range(self._seen.actions)))
+
+    def axes(self) -> tuple[Axis, ...]:
+        """The numbered state, its row and column where the environment is a grid, or the dimensions by their bins' centres."""
+        import numpy as np
+
+        from store.schema import Axis
+
+        seen = self._seen
+        if seen.lows:
+            return tuple(
+                Axis(
+                    f"x{place}",
+                    low + (np.arange(bins) + 0.5) * ((high - low) / bins),
+                    "1",
+                    f"observation {place}",
+                )
+                for place, (low, high, bins) in enumerate(zip(seen.lows, seen.highs, seen.shape, strict=True))
+            )
+        names = ("row", "col") if len(seen.shape) == 2 else ("state",)
+        return tuple(
+            Axis(name, np.arange(length, dtype=np.int32), "1", name)
+            for name, length in zip(names, seen.shape, strict=True)
+        )
+
+    def parameters(self) -> tuple[Column, ...]:
+        """What a task is made of: what is varied."""
+        from store.schema import Column
+
+        return tuple(
+            Column(
+                each.column,
+                ("task",),
+                each.dtype,
+                "1",
+                f"{each.name}{', by its seed' if each.kind == 'map' else ''}",
+            )
+            for each in self._variations
+        )
+
+    def draw(self, chance: np.random.Generator) -> tuple[float | int, ...]:
+        """One task: a value for all that is varied."""
+        return tuple(each.draw(chance) for each in self._variations)
+
+    def tables(self, tasks: Tasks) -> Tables:
+        """Where the steps of each task lead."""
+        import numpy as np
+
+        from qinit_cli.kernels.stepping import LOST
+        from qinit_cli.kernels.tables import Tables
+
+        if not self.tabular:
+            raise NotAllowed(f"{self.env_id} has no table of its transitions; learn it by q-learning")
+        each = [self._table(task) for task in tasks]
+        most = max((one.after.shape[2] for one in each), default=1)
+        shape = (len(each), self._seen.states, self._seen.actions, most)
+        after, chance = np.full(shape, LOST, np.int32), np.zeros(shape)
+        for place, one in enumerate(each):
+            after[place, :, :, : one.after.shape[2]] = one.after
+            chance[place, :, :, : one.after.shape[2]] = one.chance
+        states = (len(each), shape[1])
+        start = np.array([one.start for one in each]).reshape(states)
+        return Tables(after, chance, start, np.array([one.open for one in each], bool).reshape(states))
+
+    def starts(self) -> Floats:
+        """How often an episode of the environment as it is starts in each state, (S,)."""
+        import numpy as np
+
+        seen = self._seen
+        if self.tabular:
+            return table(self.env_id, self._example, self.goal or "").start
+        return np.bincount(seen.resets, minlength=seen.states) / len(seen.resets)
+
+    def shown_states(self) -> tuple[tuple[float, ...], ...]:
+        """The three states in which most episodes start; where there is a table, start, middle and end of the likeliest way."""
+        import numpy as np
+
+        often = np.argsort(-self.starts(), kind="stable")[:3]
+        shown = [int(state) for state in often if self.starts()[state] > 0]
+        if self.tabular:
+            way = self._way()
+            shown = [way[0], way[len(way) // 2], way[-1]] if len(way) > 2 else shown
+        axes = self.axes()
+        places = np.unravel_index(shown, self.shape)
+        return tuple(
+            tuple(float(axis.values[place]) for axis, place in zip(axes, at, strict=True))
+            for at in zip(*places, strict=True)
+        )
+
+    def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
+        """The tasks as the compiled loop takes them: their tables, or environments that it calls back."""
+        from qinit_cli.kernels.dice import seeds
+        from qinit_cli.kernels.python_steps import PythonWorlds
+
+        if self.tabular:
+            return super().worlds(tasks, own)
+        seen = self._seen
+        return PythonWorlds(
+            lambda place, horizon: self._episodes(tasks[place], horizon),
+            seen.states,
+            seen.actions,
+            seeds(own),
+        )
+
+    def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """Expected optimal path lengths, (B, S, A), -1 where a path never arrives.
+
+        Without a table the state cannot be chosen: what is known are the greedy episodes by which a task is judged. There a pair
+        of a state and its greedy action has the steps that were left when it was first met; all else is -1.
+        """
+        import numpy as np
+
+        if self.tabular:
+            return super().path_lengths(tasks, q, horizon)
+        lengths = np.full(q.shape, -1, np.int32)
+        for place, task in enumerate(tasks):
+            for trail, reached in self._probe(task, q[place], horizon):
+                for left, (state, action) in zip(range(len(trail), 0, -1), trail, strict=True):
+                    if reached and lengths[place, state, action] < 0:
+                        lengths[place, state, action] = left
+        return lengths
+
+    def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
+        """Whether greedy episodes from the target start reach the goal at least every other time, (B,)."""
+        import numpy as np
+
+        if self.tabular:
+            return super().solved(tasks, q, horizon)
+        share = [
+            np.mean([reached for _, reached in self._probe(task, values, horizon)])
+            for task, values in zip(tasks, q, strict=True)
+        ]
+        return np.array(share, np.float64) >= LIKELY
+
+    def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
+        """The states on the likeliest way, (B, S), or of the first greedy episode; zeros where that does not arrive."""
+        import numpy as np
+
+        if self.tabular:
+            return super().visits(tasks, q, horizon)
+        visits = np.zeros(q.shape[:2], np.int32)
+        for place, task in enumerate(tasks):
+            trail, reached = next(iter(self._probe(task, q[place], horizon)))
+            if reached:
+                np.add.at(visits[place], [state for state, _ in trail], 1)
+        return visits
+
+    def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
+        """Whether a task can be solved at all, (B,); without a table nobody knows, and all are taken to be."""
+        import numpy as np
+
+        return super().solvable(tasks, solved, horizon) if self.tabular else np.ones(len(tasks), np.bool_)
+
+    def refusal(self, learning: Learning) -> str:
+        """Why its tasks cannot be learned so; empty if they can."""
+        if self.tabular:
+            table(self.env_id, self._example, self.goal or "")  # says so itself if no end is the goal
+            return ""
+        if not self.goal:
+            return (
+                f"{self.env_id} has no table that tells how its episodes end; say which end is the goal: "
+                "--goal terminated, --goal survived, or a rule such as --goal 'reward>0'"
+            )
+        verdict(self.goal)
+        if learning.start == "anywhere":
+            return f"{self.env_id} is simulated, so episodes start where its reset puts them; leave out --start anywhere"
+        return ""
+
+    @property
+    def _variations(self) -> tuple[Variation, ...]:
+        return tuple(map(Variation.read, self._texts("vary")))
+
+    @property
+    def _settings(self) -> Settings:
+        return tuple(map(setting, self._texts("set")))
+
+    def _texts(self, name: str) -> tuple[str, ...]:
+        return tuple(getattr(self, name) or ())
+
+    @property
+    def _example(self) -> Settings:
+        """What an environment is made with that stands for all: what is varied is drawn with a fixed seed."""
+        return _example(self._settings, self._variations)
+
+    def _of(self, task: Any) -> Settings:
+        """What the task's environment is made with."""
+        return with_values(self._settings, [(each, task[each.column].item()) for each in self._variations])
+
+    def _table(self, task: Any) -> Table:
+        one = table(self.env_id, self._of(task), self.goal or "")
+        if one.after.shape[:2] != (self._seen.states, self._seen.actions):
+            raise NotAllowed(
+                f"a task of {self.env_id} has {len(one.after)} states, another one {self._seen.states}: tasks must "
+                "have as many as each other"
+            )
+        return one
+
+    def _episodes(self, task: Any, horizon: int) -> Episodes:
+        return Episodes(made(self.env_id, self._of(task)), self._seen.state, self.goal or "", horizon)
+
+    def _probe(self, task: Any, q: Floats, horizon: int) -> Any:
+        """Greedy episodes: the pairs met, and whether each reached the goal."""
+        from qinit_cli.kernels.stepping import GOAL
+
+        episodes, greedy = self._episodes(task, horizon), q.argmax(axis=1).tolist()
+        for seed in range(PROBES):
+            state = episodes.start(seed)
+            trail: list[tuple[int, int]] = []
+            while state >= 0 and len(trail) < horizon:
+                trail.append((state, greedy[state]))
+                state = episodes.step(greedy[state])
+            yield trail, state == GOAL
+
+    def _way(self) -> list[int]:
+        """The likeliest greedy way through the environment as it is."""
+        import numpy as np
+
+        from qinit_cli.kernels import tables_exact
+        from qinit_cli.kernels.stepping import GOAL
+
+        one = table(self.env_id, self._example, self.goal or "")
+        q = np.empty((1, *one.after.shape[:2]))
+        after, chance, open = one.after[None], one.chance[None], one.open[None]
+        tables_exact.solve(after, chance, open, self.source_learning.gamma, 1e-9, q, np.empty_like(q))
+        state, way = int(one.start.argmax()), []
+        while state >= 0 and state not in way:
+            way.append(state)
+            action = int(q[0, state].argmax())
+            state = int(one.after[state, action, one.chance[state, action].argmax()])
+        return way if state == GOAL else []
+
+    @property
+    def _seen(self) -> Seen:
+        return _seen(self.env_id, self._settings, self._variations, self.bins or "", self._texts("range"))
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What one learns of an environment by looking at it once."""
+
+    shape: tuple[int, ...]
+    actions: int
+    table: bool
+    lows: tuple[float, ...]  # of a Box
+    highs: tuple[float, ...]
+    resets: Integers  # states after RESETS resets
+
+    @property
+    def states(self) -> int:
+        """How many the table has."""
+        import math
+
+        return math.prod(self.shape)
+
+    def state(self, observation: Any) -> int:
+        """The table's state that an observation is in; what lies beyond the bins is in the last."""
+        if not self.lows:
+            return int(observation)
+        state = 0
+        for number, low, high, bins in zip(observation, self.lows, self.highs, self.shape, strict=True):
+            place = int((float(number) - low) / (high - low) * bins)
+            state = state * bins + min(max(place, 0), bins - 1)
+        return state
+
+
+def with_values(settings: Settings, drawn: Iterable[tuple[Variation, Any]]) -> Settings:
+    """The settings, and what was drawn for each variation, in a form that can be kept."""
+    values = ((each.name, each.value(value)) for each, value in drawn)
+    return (
+        *settings,
+        *((name, tuple(value) if isinstance(value, list) else value) for name, value in values),
+    )
+
+
+@lru_cache(64)
+def _example(settings: Settings, variations: tuple[Variation, ...]) -> Settings:
+    import numpy as np
+
+    chance = np.random.Generator(np.random.PCG64(0))
+    return with_values(settings, [(each, each.draw(chance)) for each in variations])
+
+
+@lru_cache(64)
+def _seen(
+    env_id: str, settings: Settings, variations: tuple[Variation, ...], bins: str, ranges: tuple[str, ...]
+) -> Seen:
+    """The environment's spaces; UsageError where they do not suit."""
+    import numpy as np
+
+    env = made(env_id, _example(settings, variations))
+    kinds = env.observation_space, env.action_space
+    observed, acted = (type(space).__name__ for space in kinds)
+    if acted != "Discrete" or int(env.action_space.start) != 0:
+        raise UsageError(f"{env_id} has actions of the kind {acted}; numbered ones (Discrete) are needed")
+    actions, tabled = int(env.action_space.n), has_table(env)
+    if observed == "Discrete" and (bins or ranges):
+        raise UsageError(f"{env_id} numbers its states; leave out --bins and --range")
+    lows: tuple[float, ...] = ()
+    highs: tuple[float, ...] = ()
+    if observed == "Discrete":
+        shape = _grid(env)
+    elif observed == "Box" and len(env.observation_space.shape) == 1:
+        lows, highs = _bounds(env_id, env.observation_space, ranges)
+        shape = _bins(env_id, bins, len(lows))
+    else:
+        raise UsageError(
+            f"{env_id} observes a {observed}{getattr(kinds[0], 'shape', None) or ''}; a Discrete or a Box of one row is needed"
+        )
+    seen = Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64))
+    resets = [seen.state(env.reset(seed=seed)[0]) for seed in range(RESETS)]
+    return Seen(shape, actions, tabled, lows, highs, np.array(resets, np.int64))
+
+
+def _grid(env: Any) -> tuple[int, ...]:
+    """Rows and columns where the environment says them, else the number of states."""
+    states = int(env.observation_space.n)
+    said: Any = ((getattr(env, "nrow", 0), getattr(env, "ncol", 0)), getattr(env, "shape", ()))
+    for sides in said:
+        if len(sides) == 2 and sides[0] * sides[1] == states:
+            return int(sides[0]), int(sides[1])
+    return (states,)
+
+
+def _bins(env_id: str, bins: str, dimensions: int) -> tuple[int, ...]:
+    texts = bins.split(",") if bins else [str(DEFAULT_BINS)]
+    if not all(text.strip().isdigit() and int(text) > 0 for text in texts) or len(texts) not in (
+        1,
+        dimensions,
+    ):
+        raise UsageError(
+            f"--bins {bins}: {env_id} has {dimensions} dimensions; give one number, or one for each"
+        )
+    counts = tuple(int(text) for text in texts)
+    return counts * dimensions if len(counts) == 1 else counts
+
+
+def _bounds(env_id: str, space: Any, ranges: tuple[str, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    lows, highs = [float(low) for low in space.low], [float(high) for high in space.high]
+    for text in ranges:
+        told = re.fullmatch(r"(\d+)=([^:]+):([^:]+)", text)
+        try:
+            place, low, high = (int(told[1]), float(told[2]), float(told[3])) if told else (-1, 0.0, 0.0)
+        except ValueError:
+            place, low, high = -1, 0.0, 0.0
+        if not (0 <= place < len(lows) and low < high):
+            raise UsageError(
+                f"--range {text}: write DIM=LOW:HIGH, DIM from 0 to {len(lows) - 1}, LOW below HIGH"
+            )
+        lows[place], highs[place] = low, high
+    for place, (low, high) in enumerate(zip(lows, highs, strict=True)):
+        if not (abs(low) < UNBOUNDED and abs(high) < UNBOUNDED):
+            raise UsageError(
+                f"{env_id} sets no bounds to dimension {place} of what it observes; give --range {place}=LOW:HIGH"
+            )
+    return tuple(lows), tuple(highs)

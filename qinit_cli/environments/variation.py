@@ -1,0 +1,90 @@
+"""What changes from task to task, or is set for all of them, in an environment that somebody else has written."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+NUMBERS = {"normal": "MEAN,STD", "uniform": "LOW,HIGH", "map": "SIZE,FROZEN"}
+MAP_SEEDS = 2**31
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A constructor argument or an attribute that each task draws: normal, uniform, or a FrozenLake map."""
+
+    name: str
+    kind: str
+    numbers: tuple[float, float]
+
+    @classmethod
+    def read(cls, text: str) -> Variation:
+        """The variation in NAME=normal:MEAN,STD, NAME=uniform:LOW,HIGH or NAME=map:SIZE,FROZEN; ValueError for any other."""
+        name, equals, told = text.partition("=")
+        kind, colon, numbers = told.partition(":")
+        try:
+            first, second = (float(number) for number in numbers.split(","))
+        except ValueError:
+            colon = ""
+        if not (equals and colon and NAME.fullmatch(name) and kind in NUMBERS):
+            raise ValueError(
+                f"--vary {text}: write {' or '.join(f'NAME={k}:{v}' for k, v in NUMBERS.items())}"
+            )
+        if not (math.isfinite(first) and math.isfinite(second)):
+            raise ValueError(f"--vary {text}: the numbers must be finite")
+        if fault := _fault(kind, first, second):
+            raise ValueError(f"--vary {text}: {fault}")
+        return cls(name, kind, (first, second))
+
+    @property
+    def column(self) -> str:
+        """What the drawn value is called in an artefact."""
+        return self.name.lower()
+
+    @property
+    def dtype(self) -> str:
+        """Of the drawn value; a map is told by its seed."""
+        return "<i8" if self.kind == "map" else "<f8"
+
+    def draw(self, chance: np.random.Generator) -> float | int:
+        """One value, or the seed of a map."""
+        if self.kind == "map":
+            return int(chance.integers(MAP_SEEDS))
+        return float(chance.normal(*self.numbers) if self.kind == "normal" else chance.uniform(*self.numbers))
+
+    def value(self, drawn: float | int) -> Any:
+        """What the environment is given."""
+        if self.kind != "map":
+            return float(drawn)
+        from gymnasium.envs.toy_text.frozen_lake import generate_random_map
+
+        return generate_random_map(size=int(self.numbers[0]), p=self.numbers[1], seed=int(drawn))
+
+
+def _fault(kind: str, first: float, second: float) -> str:
+    match kind:
+        case "normal" if second < 0:
+            return "the standard deviation is negative"
+        case "uniform" if first > second:
+            return "LOW is above HIGH"
+        case "map" if first < 2 or first != int(first) or not 0 < second <= 1:
+            return "SIZE is a whole number from 2, FROZEN a share above 0"
+    return ""
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """The name and the value in NAME=VALUE: a number, True, False or None as Python writes them, else the text itself."""
+    name, equals, value = text.partition("=")
+    if not (equals and NAME.fullmatch(name)):
+        raise ValueError(f"--set {text}: write NAME=VALUE")
+    try:
+        return name, ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return name, value

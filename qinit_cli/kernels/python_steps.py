@@ -1,0 +1,122 @@
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="untyped-decorator"
+"""Worlds that are stepped through in Python: the compiled loop calls back, and all else of it stays as it is.
+
+An episode's chance is a seed that its start draws from the task's own stream, so that nothing depends on what else is learned,
+nor on how many episodes came before. A step costs what its Python costs and a few microseconds; threads wait for each other.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from llvmlite import ir
+from numba import extending, types
+
+from qinit_cli.kernels.dice import THIRTY_TWO, Words, draw
+from qinit_cli.kernels.stepping import LOST, SteppedWorlds, starts, steps
+from qinit_cli.learning import Learning
+
+intrinsic: Any = extending.intrinsic
+
+CALLBACK = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
+_WORD = ir.IntType(64)
+
+
+class Simulator(Protocol):
+    """One task, simulated in Python."""
+
+    def start(self, seed: int) -> int:
+        """Begins an episode, all of whose chance comes from the seed (below 2^32); the table's state."""
+        ...
+
+    def step(self, action: int) -> int:
+        """The table's state that the action leads to, stepping.GOAL or stepping.LOST."""
+        ...
+
+
+class World(NamedTuple):
+    """Where the loop calls back."""
+
+    start: int  # the address of a function of task and seed
+    step: int  # the address of a function of task and action
+
+
+@dataclass
+class PythonWorlds:
+    """Tasks to learn, B of them, that are simulated in Python."""
+
+    simulators: Callable[[int, int], Simulator]  # of a task's place in the batch, and the horizon
+    states: int
+    actions: int
+    dice: Words  # (B, 4)
+    _there: dict[int, Simulator] = field(default_factory=dict)
+    _failed: list[BaseException] = field(default_factory=list)
+
+    lanes: ClassVar[int] = 1  # none of them could go on while another waits for Python
+
+    def __len__(self) -> int:
+        return len(self.dice)
+
+    def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
+        """The loop, which raises what a simulator has raised, and the world it takes."""
+
+        def start(task: int, seed: int) -> int:
+            if task not in self._there:
+                self._there.clear()  # the task before it is done
+                self._there[task] = self.simulators(task, learning.horizon)
+            return self._there[task].start(seed)
+
+        def step(task: int, action: int) -> int:
+            return self._there[task].step(action)
+
+        callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
+        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
+        called = SteppedWorlds(World(*addresses), self.states, self.actions, self.dice)
+        compiled, world = called.loop(learning, lanes)
+
+        def advance(blocks: int, *arguments: Any) -> None:
+            compiled(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
+            assert callbacks  # alive as long as the loop may call them
+            if self._failed:
+                raise self._failed[0]
+
+        return advance, world
+
+    def _safe(self, function: Callable[[int, int], int], instead: int) -> Callable[[int, int], int]:
+        """The function; once it raised, the exception is kept, and the rest of the block is nobody's."""
+
+        def call(task: int, value: int) -> int:
+            if self._failed:
+                return instead
+            try:
+                return function(task, value)
+            except BaseException as error:  # nothing may pass through compiled code
+                self._failed.append(error)
+                return instead
+
+        return call
+
+
+@intrinsic
+def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
+    """Calls the function of two integers at that address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.FunctionType(_WORD, [_WORD, _WORD]).as_pointer()
+        return builder.call(builder.inttoptr(arguments[0], kind), arguments[1:])
+
+    return types.int64(types.int64, types.int64, types.int64), generate
+
+
+@starts(World)
+def _start(world, task, lane, dice, anywhere):
+    return _call(world.start, np.int64(task), np.int64(draw(dice) >> THIRTY_TWO))
+
+
+@steps(World)
+def _step(world, task, lane, state, action, chance, dice):
+    return _call(world.step, np.int64(task), np.int64(action))

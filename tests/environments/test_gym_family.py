@@ -1,0 +1,189 @@
+"""Gymnasium environments as families: their tables, their goals, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import quantecon
+
+from qinit_cli.environments import gym_tables
+from qinit_cli.environments.family import draw_tasks
+from qinit_cli.environments.gym import Gym
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.learning import Learning
+from qinit_cli.seeding import Stream
+
+LAKE = Gym(env_id="FrozenLake-v1", vary=["success_rate=uniform:0.4,0.9"])
+POLE = Gym(
+    env_id="CartPole-v1",
+    vary=["gravity=normal:9.8,2", "force_mag=uniform:7,13"],
+    bins="1,3,4,3",
+    range=["1=-2:2", "3=-2:2"],
+    goal="survived",
+)
+LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
+
+
+def tasks_of(family: Gym, count: int) -> np.ndarray:
+    return draw_tasks(family, 0, Stream.SOURCE_TASK, np.arange(count))
+
+
+def made(env_id: str, **arguments: Any) -> Any:
+    return gymnasium.make(env_id, **arguments).unwrapped
+
+
+@pytest.mark.parametrize(
+    ("family", "reward"),
+    [
+        (Gym(env_id="FrozenLake-v1", set=["map_name=8x8"]), 1.0),
+        (Gym(env_id="Taxi-v4"), 20.0),
+        (Gym(env_id="CliffWalking-v1", set=["is_slippery=True"]), -1.0),
+    ],
+    ids=lambda each: getattr(each, "env_id", ""),
+)
+def test_quantecon_finds_the_same_values_in_gymnasiums_own_transitions(family: Gym, reward: float) -> None:
+    arguments = dict(family._settings)
+    env = made(family.env_id, **arguments)
+    states, actions, gamma = int(env.observation_space.n), int(env.action_space.n), 0.9
+    flows, rewards = np.zeros((states + 1, actions, states + 1)), np.zeros((states + 1, actions))
+    ends = set()
+    for state, of in env.P.items():
+        for action, outcomes in of.items():
+            for odds, there, paid, done in outcomes:
+                flows[state, action, states if done else there] += odds
+                rewards[state, action] += odds * (done and paid == reward)
+                ends |= {int(there)} if done else set()
+    flows[states, :, states] = 1
+    value = quantecon.markov.DiscreteDP(rewards, flows, gamma).solve(method="policy_iteration").v
+    q, _ = family.solve(tasks_of(family, 1), gamma)
+    tables = family.tables(tasks_of(family, 1))
+    acted = tables.open[0]
+    assert set(np.flatnonzero(~acted)) <= ends
+    np.testing.assert_allclose(q[0].max(axis=1)[acted], value[:states][acted], atol=1e-9)
+    assert (q[0][~acted] == 0).all()
+
+
+def test_a_greedy_policy_arrives_as_often_in_gymnasium_as_its_table_says() -> None:
+    tasks = tasks_of(LAKE, 1)
+    q, _ = LAKE.solve(tasks, 0.99)
+    tables, share = LAKE.tables(tasks), np.empty(1)
+    from qinit_cli.kernels import tables_exact
+
+    tables_exact.arrival(tables.after, tables.chance, tables.start, q, 100, share)
+    env = made("FrozenLake-v1", success_rate=float(tasks["success_rate"][0]))
+    arrived = 0
+    for seed in range(400):
+        state, ended, paid, steps = env.reset(seed=seed)[0], False, 0.0, 0
+        while not ended and steps < 100:
+            state, paid, ended, _, _ = env.step(int(q[0, state].argmax()))
+            steps += 1
+        arrived += paid > 0
+    assert arrived / 400 == pytest.approx(share[0], abs=4 * np.sqrt(share[0] * (1 - share[0]) / 400) + 1e-9)
+
+
+def test_a_map_is_drawn_by_its_seed_and_varies() -> None:
+    family = Gym(env_id="FrozenLake-v1", vary=["desc=map:5,0.8"])
+    tasks = tasks_of(family, 4)
+    assert family.parameters()[0].dtype == "<i8"
+    assert family.shape == (5, 5)
+    q, _ = family.solve(tasks, 0.9)
+    assert len({table.tobytes() for table in q}) == 4
+    assert (family.start_value(q) > 0).all()
+
+
+def test_grids_have_rows_and_columns_and_the_rest_numbers() -> None:
+    assert [axis.name for axis in LAKE.axes()] == ["row", "col"]
+    assert Gym(env_id="CliffWalking-v1").shape == (4, 12)
+    assert Gym(env_id="Taxi-v4").shape == (500,)
+    assert POLE.shape == (1, 3, 4, 3)
+    assert LAKE.shown_states()[0] == (0.0, 0.0)
+    assert all(len(state) == 4 for state in POLE.shown_states())
+
+
+def test_paths_of_a_simulated_task_are_those_of_its_greedy_episodes() -> None:
+    tasks = tasks_of(POLE, 1)
+    q = np.zeros((1, 36, 2))
+    assert not POLE.solved(tasks, q, 200).any()
+    assert (POLE.path_lengths(tasks, q, 200) == -1).all()
+    short = POLE.path_lengths(tasks, q, 2)  # two steps are survived by anything
+    assert POLE.solved(tasks, q, 2).all()
+    assert short.max() == 2
+    assert short[0, :, 1].max() == -1
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"env_id": "CartPoleX-v1"}, "gymnasium cannot make CartPoleX-v1"),
+        (
+            {"env_id": "CartPole-v1"},
+            "sets no bounds to dimension 1 of what it observes; give --range 1=LOW:HIGH",
+        ),
+        ({"env_id": "CartPole-v1", "range": ["9=0:1"]}, "DIM from 0 to 3"),
+        ({"env_id": "CartPole-v1", "range": ["1=-2:2", "3=-2:2"], "bins": "3,3"}, "has 4 dimensions"),
+        ({"env_id": "FrozenLake-v1", "bins": "4"}, "numbers its states; leave out --bins and --range"),
+        ({"env_id": "FrozenLake-v1", "vary": ["wind=normal:0,1"]}, "has no wind: its constructor takes"),
+        ({"env_id": "FrozenLake-v1", "set": ["nrow=3"]}, "has made its transitions by the time that nrow"),
+        ({"env_id": "Blackjack-v1"}, "observes a Tuple; a Discrete or a Box of one row is needed"),
+        ({"env_id": "Pendulum-v1"}, "has actions of the kind Box; numbered ones"),
+    ],
+)
+def test_what_does_not_suit_is_refused_in_a_sentence(settings: dict[str, Any], told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        Gym(**settings).axes()
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"env_id": ""}, "id is missing"),
+        ({"vary": ["x=poisson:1,2"]}, "write NAME=normal:MEAN,STD"),
+        ({"vary": ["x=normal:1"]}, "write NAME=normal:MEAN,STD"),
+        ({"vary": ["x=uniform:2,1"]}, "LOW is above HIGH"),
+        ({"vary": ["x=normal:2,-1"]}, "deviation is negative"),
+        ({"vary": ["x=map:2.5,1"]}, "SIZE is a whole number"),
+        ({"vary": ["x=normal:0,1"], "set": ["x=3"]}, "x is varied or set twice"),
+        ({"set": ["x"]}, "write NAME=VALUE"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_a_sentence(settings: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        Gym(**({"env_id": "FrozenLake-v1"} | settings))
+
+
+def test_the_goal_must_be_an_end_and_be_told_where_there_is_no_table() -> None:
+    with pytest.raises(
+        NotAllowed, match=r"no end of FrozenLake-v1 is the goal by --goal reward>1: .* rewards 0, 1"
+    ):
+        Gym(env_id="FrozenLake-v1", goal="reward>1").refusal(LEARNING)
+    with pytest.raises(UsageError, match="it is terminated, survived, or a rule"):
+        dataclasses.replace(POLE, goal="bogus").refusal(LEARNING)
+    assert "say which end is the goal" in dataclasses.replace(POLE, goal=None).refusal(LEARNING)
+    anywhere = dataclasses.replace(LEARNING, start="anywhere")
+    assert "leave out --start anywhere" in POLE.refusal(anywhere)
+    assert LAKE.refusal(anywhere) == POLE.refusal(LEARNING) == ""
+
+
+def test_the_ends_that_pay_best_are_the_goal_and_holes_are_not() -> None:
+    tables = LAKE.tables(tasks_of(LAKE, 1))
+    everything = dataclasses.replace(LAKE, goal="terminated").tables(tasks_of(LAKE, 1))
+    assert (everything.after == -2).sum() < (tables.after == -2).sum()
+    assert (tables.after == -1).any()
+    assert list(np.flatnonzero(~tables.open[0])) == [
+        5,
+        7,
+        11,
+        12,
+        15,
+    ]  # the holes and the goal of the 4 x 4 map
+
+
+def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    with pytest.raises(UsageError, match=r"pip install 'qinit\[gym\]'"):
+        gym_tables.made("FrozenLake-v1", ())
