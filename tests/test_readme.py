@@ -19,6 +19,7 @@ PICTURE_BYTES = 5_000
 # what a command asks for itself comes later on its line, and wins
 STAND_IN = f"""#!/bin/sh
 case "$1 $2 $*" in
+    "train-sources gym"*CartPole*) set -- "$@" --tasks 3 --episodes 100;;
     "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
     "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
@@ -30,26 +31,39 @@ exec {QINIT} "$@"
 """
 
 
-def _blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
+def _blocks(language: str, page: Path = README) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """The folder in which every shell block ran, one after the other in one shell, and how that ended."""
     folder = tmp_path_factory.mktemp("readme")
-    stand_in = tmp_path_factory.mktemp("bin") / "qinit"
+    return folder, _run(_blocks("sh"), folder, tmp_path_factory.mktemp("bin"))
+
+
+def _run(blocks: list[str], folder: Path, found_first: Path) -> subprocess.CompletedProcess[str]:
+    stand_in = found_first / "qinit"
     stand_in.write_text(STAND_IN)
     stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
-    ended = subprocess.run(
-        ["bash", "-e", "-c", "set -o pipefail\n" + "\n".join(_blocks("sh"))],
+    return subprocess.run(
+        ["bash", "-e", "-c", "set -o pipefail\n" + "\n".join(blocks)],
         cwd=folder,
-        env={**os.environ, "PATH": f"{stand_in.parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"},
+        env={**os.environ, "PATH": f"{found_first}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"},
         capture_output=True,
         text=True,
         timeout=1200,
     )
-    return folder, ended
+
+
+def test_every_command_of_the_page_on_gymnasium_works(tmp_path: Path) -> None:
+    blocks = _blocks("sh", README.parent / "docs" / "gymnasium.md")
+    (tmp_path / "bin").mkdir()
+    ended = _run(blocks, tmp_path, tmp_path / "bin")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.count("logqinit-median") == 2  # a comparison of each environment
+    pictures = {path.name for path in tmp_path.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
+    assert pictures == {"lake.png", "ice.png"}
 
 
 def test_the_readme_shows_commands() -> None:
