@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from qinit_cli.analysis.intervals import over_targets
+from qinit_cli.analysis.intervals import over_targets, tails
 from qinit_cli.analysis.resampling import RESAMPLES
 from qinit_cli.arrays import Floats, Tasks
 from qinit_cli.benchmarks.race import Race, Runner
@@ -128,7 +128,7 @@ def bootstrap(values: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]
     """95 % percentile bounds of the means of `values` (T, M), (M,) each."""
     count = len(values)
     means = [values[rng.integers(0, count, count)].mean(axis=0) for _ in range(RESAMPLES)]
-    low, high = np.quantile(means, [0.025, 0.975], axis=0)
+    low, high = np.quantile(means, tails(len(values)), axis=0)
     return low, high
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from qinit_cli.analysis import resampling
 from qinit_cli.analysis.aggregate import improvements, interquartile_mean, resampled_interquartile_means
-from qinit_cli.analysis.intervals import TAILS, percentiles
+from qinit_cli.analysis.intervals import percentiles, tails
 from qinit_cli.analysis.permutation import sign_flip_p
 from qinit_cli.analysis.resampling import RESAMPLES, Crossed, Nested
 from qinit_cli.analysis.survival import kaplan_meier, resampled_medians
@@ -89,18 +89,18 @@ def estimates(
     arrivals = [scores.arrival for scores in own if scores.arrival is not None]
     better = None if baseline is None else _better(own, baseline, metric, chance)
     drawn = _drawn(tables, arrivals, better, chance)
-    means = {name: _estimate(table.mean(), drawn.means[name]) for name, table in tables.items()}
+    means = {name: drawn.estimate(table.mean(), drawn.means[name]) for name, table in tables.items()}
     return Estimates(
         average=means["average"],
         jumpstart=means["jumpstart"],
         asymptotic=means["asymptotic"],
-        iqm=_estimate(interquartile_mean(tables["average"]), drawn.iqms),
+        iqm=drawn.estimate(interquartile_mean(tables["average"]), drawn.iqms),
         steps=float(np.mean([scores.steps for scores in own])),
         success=float(np.mean([scores.success for scores in own])),
         difference=means.get("difference"),
         p=_p(tables["difference"], chance) if "difference" in tables else None,
-        ratio=_ratio(tables, drawn) if "baseline" in tables else None,
-        improvement=None if better is None else _estimate(better.mean(), drawn.improvements),
+        ratio=drawn.ratio(tables) if "baseline" in tables else None,
+        improvement=None if better is None else drawn.estimate(better.mean(), drawn.improvements),
         regret=means.get("regret"),
         threshold=_threshold(arrivals, means["arrival"], drawn) if arrivals else None,
     )
@@ -110,10 +110,36 @@ def estimates(
 class _Drawn:
     """What samples say; empty where nothing can be resampled."""
 
+    units: int  # source sets, or the targets of one
     means: dict[str, Floats]  # (B,) of each table
     iqms: Floats  # (B',)
     medians: Floats  # (B',)
     improvements: Floats  # (B,)
+
+    def estimate(self, value: float, resampled: Floats) -> Estimate:
+        """A number and the interval of its resampled values."""
+        if not len(resampled):
+            return Estimate(float(value), np.nan, np.nan)
+        interval = percentiles(np.asarray(value), resampled, self.units)
+        return Estimate(float(value), float(interval.low), float(interval.high))
+
+    def median(self, value: float) -> Estimate:
+        """The same of a median, without interpolation: some of the resampled are infinite."""
+        if not len(self.medians):
+            return Estimate(value, np.nan, np.nan)
+        ordered = np.sort(self.medians)
+        low, high = (ordered[round(tail * (len(ordered) - 1))] for tail in tails(self.units))
+        return Estimate(value, float(low), float(high))
+
+    def ratio(self, tables: dict[str, Floats]) -> Estimate | None:
+        """The ratio of averages; None where the baseline's interval touches 0, or is not known."""
+        if not len(self.means["baseline"]):
+            return None
+        mean, baseline = float(tables["average"].mean()), float(tables["baseline"].mean())
+        found = transfer_ratio(mean, baseline, self.means["average"], self.means["baseline"], self.units)
+        if np.isnan(found.estimate):
+            return None
+        return Estimate(float(found.estimate), float(found.low), float(found.high))
 
 
 def _tables(own: Sequence[Scores], baseline: Sequence[Scores] | None) -> dict[str, Floats]:
@@ -149,7 +175,6 @@ def _better(own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, c
 def _drawn(
     tables: dict[str, Floats], arrivals: Sequence[Arrival], better: Floats | None, chance: Chance
 ) -> _Drawn:
-
     stacked = np.stack(list(tables.values()), axis=2)
     means, iqms, medians, improved = [stacked[:0, 0]], [np.empty(0)], [np.empty(0)], [np.empty(0)]
     ranked = 0
@@ -165,7 +190,9 @@ def _drawn(
                 times, reached = _joined(arrivals)
                 medians.append(resampled_medians(times, reached, counts))
     by_table = np.concatenate(means).T
+    sets, targets = stacked.shape[:2]
     return _Drawn(
+        sets if sets > 1 else targets,
         dict(zip(tables, by_table, strict=True)),
         np.concatenate(iqms),
         np.concatenate(medians),
@@ -182,41 +209,9 @@ def _joined(arrivals: Sequence[Arrival]) -> tuple[Integers, Flags]:
 
 
 def _threshold(arrivals: Sequence[Arrival], restricted_mean: Estimate, drawn: _Drawn) -> Threshold:
-
     times, reached = _joined(arrivals)
     found = kaplan_meier(times, reached, int(times.max()))
-    low, high = _tails(drawn.medians)
-    return Threshold(Estimate(found.median, low, high), restricted_mean, found.censored)
-
-
-def _tails(medians: Floats) -> tuple[float, float]:
-    """The bounds of an interval without interpolation: some are infinite."""
-    if not len(medians):
-        return np.nan, np.nan
-    ordered = np.sort(medians)
-    low, high = (ordered[round(tail * (len(ordered) - 1))] for tail in TAILS)
-    return float(low), float(high)
-
-
-def _ratio(tables: dict[str, Floats], drawn: _Drawn) -> Estimate | None:
-    """The ratio of averages; None where the baseline's interval touches 0, or is not known."""
-    if not len(drawn.means["baseline"]):
-        return None
-    mean, baseline = float(tables["average"].mean()), float(tables["baseline"].mean())
-    found = transfer_ratio(mean, baseline, drawn.means["average"], drawn.means["baseline"])
-    return (
-        None
-        if np.isnan(found.estimate)
-        else Estimate(float(found.estimate), float(found.low), float(found.high))
-    )
-
-
-def _estimate(value: float, resampled: Floats) -> Estimate:
-
-    if not len(resampled):
-        return Estimate(float(value), np.nan, np.nan)
-    interval = percentiles(np.asarray(value), resampled)
-    return Estimate(float(value), float(interval.low), float(interval.high))
+    return Threshold(drawn.median(found.median), restricted_mean, found.censored)
 
 
 def _p(differences: Floats, chance: Chance) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from qinit_cli.analysis.intervals import tails
 from qinit_cli.analysis.resampling import of_targets
 from qinit_cli.analysis.transfer_ratio import transfer_ratio
 
@@ -13,7 +14,7 @@ def ratio(values: np.ndarray, zero: np.ndarray, seed: int = 1):
     pairs = np.stack([values, zero], axis=1)[None]
     rng = np.random.default_rng(seed)
     means = np.concatenate([sample.means(pairs) for sample in of_targets(len(zero), rng)])
-    return transfer_ratio(values.mean(), zero.mean(), means[:, 0], means[:, 1])
+    return transfer_ratio(values.mean(), zero.mean(), means[:, 0], means[:, 1], len(zero))
 
 
 def test_an_exact_multiple_has_that_ratio_and_no_width() -> None:
@@ -31,6 +32,7 @@ def test_the_interval_is_scipys_paired_bootstrap_of_the_ratio() -> None:
         lambda x, y, axis: x.mean(axis=axis) / y.mean(axis=axis),
         paired=True,
         method="percentile",
+        confidence_level=1 - 2 * tails(60)[0],
         n_resamples=10_000,
         rng=np.random.default_rng(3),
     ).confidence_interval

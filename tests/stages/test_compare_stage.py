@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from qinit_cli.analysis.intervals import tails
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.runs import Run
@@ -125,6 +126,7 @@ def test_intervals_are_scipys_percentile_bootstrap_of_the_same_targets() -> None
         np.mean,
         n_resamples=10_000,
         method="percentile",
+        confidence_level=1 - 2 * tails(40)[0],
         rng=np.random.default_rng(99),  # of its own: equal up to the bootstrap's own noise
     )
     found = comparison.rows[1].difference
@@ -144,6 +146,7 @@ def test_intervals_are_scipys_to_the_last_digit_on_the_same_stream() -> None:
         np.mean,
         n_resamples=10_000,
         method="percentile",
+        confidence_level=1 - 2 * tails(15)[0],
         rng=generator(0, Stream.BOOTSTRAP, 0),
     ).confidence_interval
     found = comparison.rows[1].average

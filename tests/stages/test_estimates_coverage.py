@@ -105,7 +105,7 @@ def test_every_interval_covers_as_it_says(draw: Draw, sets: int, targets: int, s
             [_scores(row) for row in method],
             [_scores(row) for row in zero],
             "return",
-            Chance(shared, number, resamples=600),
+            Chance(shared, number, resamples=1000),
         )
         for name, estimate in _told(found).items():
             covered[name] += estimate.low <= truth[name] <= estimate.high
