@@ -111,4 +111,5 @@ def test_every_interval_covers_as_it_says(draw: Draw, sets: int, targets: int, s
             covered[name] += estimate.low <= truth[name] <= estimate.high
     share = {name: covered[name] / EXPERIMENTS for name in truth}
     print(draw.__name__, share)
-    assert {name: value for name, value in share.items() if not 0.93 <= value <= 0.97} == {}
+    # 93 to 97 %, and two standard errors of so many experiments
+    assert {name: value for name, value in share.items() if not 0.915 <= value <= 0.985} == {}
