@@ -90,6 +90,13 @@ class WindyGridworld(TableFamily):
             Column("direction", ("task",), "<i4", "1", "where it blows to: 0 up, 1 down, 2 left, 3 right"),
         )
 
+    @property
+    def warning(self) -> str:
+        """What whoever uses this distribution should know; empty if nothing."""
+        if self.wind_scale == 0:
+            return "with --wind-scale 0 all tasks are the same: there is no distribution to transfer from"
+        return ""
+
     def draw(self, chance: np.random.Generator) -> tuple[float, int]:
         """One task: its wind, scale times a standard Weibull, and where that blows to."""
         wind = self.wind_scale * float(chance.weibull(self.wind_shape))

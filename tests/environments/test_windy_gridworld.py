@@ -215,6 +215,14 @@ def test_winds_that_cannot_be_meant_are_refused(settings: dict[str, Any], senten
         WindyGridworld(**settings)
 
 
+def test_without_a_scale_all_tasks_are_one_and_a_warning_says_so() -> None:
+    assert (
+        len(set(draw_tasks(WindyGridworld(wind_scale=0), 0, Stream.SOURCE_TASK, np.arange(9))["wind"])) == 1
+    )
+    assert "all tasks are the same" in WindyGridworld(wind_scale=0).warning
+    assert WindyGridworld().warning == ""
+
+
 def test_wind_shifts_but_not_the_size() -> None:
     assert GRID.shifted({"wind_scale": 0.5}) == replace(GRID, wind_scale=0.5)
     with pytest.raises(ValueError, match="size cannot be shifted"):
