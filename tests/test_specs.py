@@ -100,3 +100,13 @@ def test_a_source_set_is_its_sources_however_they_are_fitted() -> None:
         "family": specs.source_set(other)["family"],
     }
     assert specs.source_set(other)["family"]["variance"] == 3
+
+
+def test_packages_that_a_family_depends_on_stand_beside_the_settings_and_not_in_them() -> None:
+    from importlib.metadata import version
+
+    family = FAMILIES["gym"](**NEEDED["gym"])
+    spec = specs.sources(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
+    assert specs.plug_ins(spec) == {"gymnasium": version("gymnasium")}
+    assert version("gymnasium") not in json.dumps(spec)
+    assert specs.plug_ins({"family": {"name": "gridworld"}, "method": {"name": "zero"}}) == {}

@@ -39,6 +39,7 @@ def doctor(reading: Reading, tabular: Tabular, display: Display) -> None:
         ("numba", _compiler),
         ("kernels' folder", _kernels),
         ("cores", lambda: f"{len(os.sched_getaffinity(0))} usable of {os.cpu_count()}"),
+        ("plug-ins", _plug_ins),
         ("store", lambda: _store(Path(reading.store))),
     ]
     rows = [_row(name, check) for name, check in checks]
@@ -89,6 +90,20 @@ def _kernels() -> str:
     if statement := cache_statement():
         raise SystemFailed(statement)
     return str(cache_folder())
+
+
+def _plug_ins() -> str:
+    """What is installed beside qinit; one that cannot be used is told on stderr."""
+    from qinit_cli.environments import FAMILIES
+    from qinit_cli.methods import METHODS
+
+    there = [
+        f"{registry.noun} {name} ({registry.package(name)})"
+        for registry in (FAMILIES, METHODS)
+        for name in registry
+        if not registry.is_own(name)
+    ]
+    return ", ".join(there) or "none"
 
 
 def _store(root: Path) -> str:

@@ -23,7 +23,7 @@ from qinit_cli.environments.gym_tables import (
     table,
     verdict,
 )
-from qinit_cli.environments.neutral import LIKELY, TableFamily
+from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import check, option
@@ -113,7 +113,11 @@ class Gym(TableFamily):
     @property
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
-        parts = [self.env_id, *self._texts("set"), *self._texts("vary")]
+        parts = [self.env_id, *(str(value) for _, value in self._settings)]
+        parts += [
+            f"{each.name}-{each.kind[0].upper()}{each.numbers[0]:g}-{each.numbers[1]:g}"
+            for each in self._variations
+        ]
         parts += [f"bins-{self.bins}"] if self.bins else []
         parts += [f"goal-{self.goal}"] if self.goal else []
         return re.sub(r"[^A-Za-z0-9._]+", "-", "-".join([self.name, *parts])).rstrip("-")
@@ -207,16 +211,17 @@ class Gym(TableFamily):
         return np.bincount(seen.resets, minlength=seen.states) / len(seen.resets)
 
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
-        """The three states in which most episodes start; where there is a table, start, middle and end of the likeliest way."""
+        """The three states in which most episodes start; of a table the start, and the states of median and of largest value."""
         import numpy as np
 
-        often = np.argsort(-self.starts(), kind="stable")[:3]
-        shown = [int(state) for state in often if self.starts()[state] > 0]
+        starts = self.starts()
+        shown = [state for state in np.argsort(-starts, kind="stable")[:3] if starts[state] > 0]
         if self.tabular:
-            way = self._way()
-            shown = [way[0], way[len(way) // 2], way[-1]] if len(way) > 2 else shown
+            one, value = self._values()
+            ranked = [state for state in np.argsort(value, kind="stable") if one.open[state]]
+            shown = [shown[0], ranked[len(ranked) // 2], ranked[-1]]
         axes = self.axes()
-        places = np.unravel_index(shown, self.shape)
+        places = np.unravel_index(np.array(list(dict.fromkeys(shown)), np.int64), self.shape)
         return tuple(
             tuple(float(axis.values[place]) for axis, place in zip(axes, at, strict=True))
             for at in zip(*places, strict=True)
@@ -346,23 +351,17 @@ class Gym(TableFamily):
                 state = episodes.step(greedy[state])
             yield trail, state == GOAL
 
-    def _way(self) -> list[int]:
-        """The likeliest greedy way through the environment as it is."""
+    def _values(self) -> tuple[Table, Floats]:
+        """An example's table, and its exact values, (S,)."""
         import numpy as np
 
         from qinit_cli.kernels import tables_exact
-        from qinit_cli.kernels.stepping import GOAL
 
         one = table(self.env_id, self._example, self.goal or "")
         q = np.empty((1, *one.after.shape[:2]))
-        after, chance, open = one.after[None], one.chance[None], one.open[None]
-        tables_exact.solve(after, chance, open, self.source_learning.gamma, 1e-9, q, np.empty_like(q))
-        state, way = int(one.start.argmax()), []
-        while state >= 0 and state not in way:
-            way.append(state)
-            action = int(q[0, state].argmax())
-            state = int(one.after[state, action, one.chance[state, action].argmax()])
-        return way if state == GOAL else []
+        settings = self.source_learning.gamma, EXACT_TOLERANCE
+        tables_exact.solve(one.after[None], one.chance[None], one.open[None], *settings, q, np.empty_like(q))
+        return one, q[0].max(axis=1)
 
     @property
     def _seen(self) -> Seen:
