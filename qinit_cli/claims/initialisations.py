@@ -21,7 +21,16 @@ from collections.abc import Iterator, Sequence
 from qinit_cli.claims.claim import RANK_SETS, Claim, Finding
 from qinit_cli.claims.evidence import Evidence
 from qinit_cli.claims.scores import Contrast, Pair, Scores
-from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, NOISES, UNIFORM, VARIANCES, Setting, variance
+from qinit_cli.claims.setting import (
+    ASKED_NOISES,
+    GRIDWORLD,
+    MOUNTAIN_CAR,
+    NOISES,
+    UNIFORM,
+    VARIANCES,
+    Setting,
+    variance,
+)
 
 ZERO, MAXQINIT, UCOI, PLAIN_MEAN = "zero", "maxqinit", "ucoi", "mean"
 MEDIAN, MEAN = "logqinit-median", "logqinit-mean"
@@ -163,7 +172,8 @@ BY_NOISE = Claim(
     source="section 7.2.2, Figure 9",
     statistic="paired difference of average return between the initialisation named and each other one",
     aspects="the pair of methods",
-    needs=tuple((level, minus(pair)) for level, pairs in CLAIMED_BY_NOISE.items() for pair in pairs),
+    needs=tuple((level, minus(pair)) for level in ASKED_NOISES for pair in CLAIMED_BY_NOISE[level]),
+    also=(*LOW, *HIGH),
     headline=(NOISES[1], minus((MEDIAN, UCOI))),
     command=TRANSFERS,
     look=by_noise,
