@@ -11,6 +11,7 @@ from qinit_cli.commands.plot import (
     eopl,
     heatmaps,
     histograms,
+    lifetime,
     normality,
     occupancy,
     posterior,
@@ -19,5 +20,5 @@ from qinit_cli.commands.plot import (
 
 def add_to(plots: typer.Typer) -> None:
     """Adds one subcommand per picture."""
-    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality, posterior):
+    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality, posterior, lifetime):
         picture.add_to(plots)

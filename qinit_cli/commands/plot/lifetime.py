@@ -1,0 +1,39 @@
+"""`qinit plot lifetime`: returns of tasks that are learned one after another."""
+
+from __future__ import annotations
+
+import typer
+
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.plot.picture import Picture, Usual, publish
+
+USUAL = Usual("lifetime", "text", "what is shown")
+
+
+def add_to(plots: typer.Typer) -> None:
+    """Adds the picture."""
+    add_command(
+        plots,
+        "lifetime",
+        lifetime,
+        {"picture": USUAL.group, "reading": READING, "display": DISPLAY},
+        references=(
+            Reference(
+                "runs",
+                "Runs of lifelong or transfer: paths, names in the store, or - for stdin.",
+                several=True,
+            ),
+        ),
+        help="Return against the number of the task, and the spread of ln Q where finished tasks were added (lifelong --update).",
+    )
+
+
+def lifetime(runs: list[str], picture: Picture, reading: Reading, display: Display) -> None:
+    """Draws the picture and prints its path; a line for each run, in their order."""
+    from qinit_cli.commands import references
+    from qinit_cli.pictures import lifetime as pictures
+
+    path = USUAL.path(picture)
+    paths = references.many(runs, reading.store)
+    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), path, display)
