@@ -140,6 +140,22 @@ def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
 
 
 @pytest.fixture(scope="session")
+def tuning(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A choice of UCOI's kappa by twelve sources; made once, look, do not touch."""
+    folder = tmp_path_factory.mktemp("tuning")
+    small = ["gridworld", "--size", "6", "--variance", "2", "--tasks", "12", "--learner", "exact"]
+    path = folder / "tuning.h5"
+    commands = (
+        ["train-sources", *small, "-o", str(folder / "sources.h5")],
+        ["tune", "ucoi", str(folder / "sources.h5"), "--kappa", "1,3", "--episodes", "20", "-o", str(path)],
+    )
+    for command in commands:
+        ended = run_here(command)
+        assert ended.code == 0, ended.err
+    return path
+
+
+@pytest.fixture(scope="session")
 def hostile_run(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run whose label, command and settings are markup, as whoever wrote the file by hand could have it."""
     import numpy as np

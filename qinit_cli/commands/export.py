@@ -43,7 +43,7 @@ class Exporting:
     what: str | None = option(
         None,
         "The table. Sources: tables, tasks, curves. A fit: state-actions, states, library. "
-        "A run: episodes, targets, start, potential, evaluations, final.",
+        "A run: episodes, targets, start, potential, evaluations, final. A tuning: averages.",
         metavar="TABLE",
         default_text="the first of these; for npz and json everything",
     )

@@ -30,8 +30,11 @@ if TYPE_CHECKING:
 QINIT = Path(sys.executable).with_name("qinit")
 
 
-def _of(pipeline: Pipeline, kind: str) -> Path:
-    return {"sources": pipeline.sources, "fit": pipeline.fit, "run": pipeline.runs["logqinit-median"]}[kind]
+@pytest.fixture
+def of(pipeline: Pipeline, tuning: Path) -> dict[str, Path]:
+    """An artefact of each kind."""
+    run = pipeline.runs["logqinit-median"]
+    return {"sources": pipeline.sources, "fit": pipeline.fit, "run": run, "tuning": tuning}
 
 
 def _rows(text: str) -> list[dict[str, str]]:
@@ -57,9 +60,9 @@ def unknown(here: Callable[..., Ended], tmp_path: Path) -> Path:
 
 
 def test_a_run_has_a_row_for_each_episode_of_each_target(
-    here: Callable[..., Ended], pipeline: Pipeline
+    here: Callable[..., Ended], of: dict[str, Path]
 ) -> None:
-    path = _of(pipeline, "run")
+    path = of["run"]
     rows = _rows(here("export", path, "--to", "csv").out)
     with h5py.File(path) as file:
         steps, reached, p = (file[name][...] for name in ("steps", "reached", "p"))
@@ -74,8 +77,8 @@ def test_a_run_has_a_row_for_each_episode_of_each_target(
         assert float(row["return"]) == pytest.approx(earned, rel=1e-12)
 
 
-def test_targets_have_a_row_each_with_their_means(here: Callable[..., Ended], pipeline: Pipeline) -> None:
-    path = _of(pipeline, "run")
+def test_targets_have_a_row_each_with_their_means(here: Callable[..., Ended], of: dict[str, Path]) -> None:
+    path = of["run"]
     targets = _rows(here("export", path, "--to", "csv", "--what", "targets").out)
     episodes = _rows(here("export", path, "--to", "csv").out)
     for row in targets:
@@ -114,10 +117,10 @@ def test_sources_have_a_row_for_each_task_and_state_action(
 
 @pytest.mark.parametrize(("kind", "table"), [(kind, table) for kind in TABLES for table in TABLES[kind]])
 def test_every_table_reads_alike_from_csv_and_from_parquet(
-    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, kind: str, table: str
+    here: Callable[..., Ended], of: dict[str, Path], tmp_path: Path, kind: str, table: str
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    path = _of(pipeline, kind)
+    path = of[kind]
     text = here("export", path, "--to", "csv", "--what", table)
     if table in ("evaluations", "final"):  # which this run has not
         assert text.code == 4
@@ -172,7 +175,7 @@ def test_without_pyarrow_parquet_is_refused_with_what_to_install(
 @pytest.mark.parametrize("held", [0, named_arrays.HELD_BYTES])
 def test_npz_and_json_hold_every_array(
     here: Callable[..., Ended],
-    pipeline: Pipeline,
+    of: dict[str, Path],
     tmp_path: Path,
     kind: str,
     held: int,
@@ -180,7 +183,7 @@ def test_npz_and_json_hold_every_array(
 ) -> None:
     """Also where each column is too large to be held."""
     monkeypatch.setattr(named_arrays, "HELD_BYTES", held)
-    path = _of(pipeline, kind)
+    path = of[kind]
     with np.load(here("export", path, "-o", tmp_path / "a.npz").out.strip(), allow_pickle=False) as packed:
         arrays = dict(packed)
     [told] = json.loads(here("export", path, "--to", "json").out)["artefacts"]
