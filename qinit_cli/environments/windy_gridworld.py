@@ -140,7 +140,7 @@ class WindyGridworld(TableFamily):
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """Expected optimal path lengths, (B, S, A); definition 1 of the paper: 0 at the goal, -1 where a path never arrives.
 
-        The likeliest step feels no wind below half a cell; against one beyond it no path advances.
+        The likeliest step hardly feels a wind below half a cell; against one beyond it no path advances.
         """
         lengths = super().path_lengths(tasks, q, horizon)
         lengths[:, self._goal] = 0
