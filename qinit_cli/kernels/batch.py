@@ -35,6 +35,10 @@ class Worlds(Protocol):
 
     def __len__(self) -> int: ...
 
+    def queue(self) -> Integers:
+        """The tasks, (B,), in the order in which lanes take them: long ones first, or they end alone."""
+        ...
+
     def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
         """The compiled `advance` and the world it takes."""
         ...
@@ -164,7 +168,7 @@ def learn(
         world,
         _setting(learning),
         tasks,
-        new_lanes(lanes, worlds.states),
+        new_lanes(lanes, worlds.states, worlds.queue()),
         _potential(start.potential, batch, worlds.states),
         visits,
         td_var,

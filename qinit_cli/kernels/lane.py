@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.arrays import Floats
+from qinit_cli.arrays import Floats, Integers
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.vectors import add_to_entry
 
@@ -64,7 +64,8 @@ class Lanes(NamedTuple):
 
     task: Any  # i8 (L,) who learns there; -1: nobody
     order: Any  # i8 (L,) the lanes in use come first
-    following: Any  # i8 (1,) the next task of the batch that has no lane yet
+    queue: Any  # i8 (B,) the tasks in the order in which they are taken
+    following: Any  # i8 (1,) how many have been taken
     rows: Any  # f8 (L, (S + 1) * ROW)
     ties: Any  # u1 (L, S + 1)
     visits: Any  # i8 (L, (S + 1) * ROW), visits in places 0 to 3
@@ -76,13 +77,14 @@ class Lanes(NamedTuple):
     lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
 
 
-def new_lanes(count: int, states: int) -> Lanes:
-    """Lanes that nobody has learned in."""
+def new_lanes(count: int, states: int, queue: Integers) -> Lanes:
+    """Lanes that nobody has learned in, and who waits for them."""
     places = (states + 1) * ROW
     visits = _aligned(count, places).view(np.int64)
     return Lanes(
         task=np.full(count, -1, np.int64),
         order=np.arange(count),
+        queue=queue,
         following=np.zeros(1, np.int64),
         rows=_aligned(count, places),
         ties=np.zeros((count, states + 1), np.uint8),
@@ -131,7 +133,7 @@ def is_idle(tasks, lanes, lane):
 @inner
 def take(tasks, lanes, lane, gamma, potential, visits, td_var):
     """Puts the next task into the lane: its table, potential, visits and td_var."""
-    task = lanes.following[0]
+    task = lanes.queue[lanes.following[0]]
     lanes.following[0] += 1
     rows, ties = lanes.rows[lane], lanes.ties[lane]
     counts, spreads = lanes.visits[lane], lanes.td_var[lane]

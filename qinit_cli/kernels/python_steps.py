@@ -16,6 +16,7 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, types
 
+from qinit_cli.arrays import Integers
 from qinit_cli.kernels.dice import THIRTY_TWO, Words, draw
 from qinit_cli.kernels.stepping import LOST, SteppedWorlds, starts, steps
 from qinit_cli.learning import Learning
@@ -60,6 +61,10 @@ class PythonWorlds:
 
     def __len__(self) -> int:
         return len(self.dice)
+
+    def queue(self) -> Integers:
+        """As they are: what takes long is not known."""
+        return np.arange(len(self))
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
         """The loop, which raises what a simulator has raised, and the world it takes."""

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numba.extending import overload
 
+from qinit_cli.arrays import Integers
 from qinit_cli.kernels.compiled import LEAN, inlined, kept_with, unkept, unkept_inlined
 from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE, Words, draw, draw_block, unit
 from qinit_cli.kernels.lane import BLOCK, TD_VAR_RATE, evaluation_due, is_idle, lanes_in_use
@@ -57,6 +58,10 @@ class SteppedWorlds:
 
     def __len__(self) -> int:
         return len(self.dice)
+
+    def queue(self) -> Integers:
+        """As they are: what takes long is not known."""
+        return np.arange(len(self))
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Any, Stepping]:
         """The compiled loop and the world it takes."""
@@ -251,7 +256,7 @@ def _largest(values):
 @unkept
 def _take(world, setting, tasks, lanes, lane, evaluation, choosing, posterior):
     """Puts the next task into the lane, and itself where its first episode starts."""
-    task = lanes.following[0]
+    task = lanes.queue[lanes.following[0]]
     lanes.following[0] += 1
     lanes.task[lane] = task
     for state in range(tasks.q.shape[1]):

@@ -70,13 +70,14 @@ def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
         assert_same(learned, task, outcome, learning)
 
 
-def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones() -> None:
-    given, noise_dice = chance(3), dice.seeds(streams(2, 3))
-    cars = MountainCars(ETA[:3], hill=-0.4, bins=BINS, start="valley", noise=0.01, noise_dice=noise_dice)
+@pytest.mark.parametrize("tasks", [1, 3, 10], ids=["alone", "three of eight, then alone", "eight and more"])
+def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones(tasks: int) -> None:
+    given, noise_dice = chance(tasks), dice.seeds(streams(2, tasks))
+    cars = MountainCars(ETA[:tasks], hill=-0.4, bins=BINS, start="valley", noise=0.01, noise_dice=noise_dice)
     policies = np.random.default_rng(3).integers(0, 3, (4, BINS**2))
     start = Start(table(), None, Policies(policies))
     learned = learn(cars, EXPLORING, start, given, dataclasses.replace(ALL, evaluate_every=6), Watch())
-    for task, eta in enumerate(ETA[:3]):
+    for task, eta in enumerate(ETA[:tasks]):
         starts = reference.xoshiro(given.starts[task])
         winds = reference.gusts(float(eta), 0.01, reference.xoshiro(noise_dice[task]))
         world = reference.MountainCar(BINS, float(eta), -0.4, "anywhere", starts, "valley", 0.01, winds)
@@ -107,6 +108,10 @@ def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
         single = learn(MountainCars(ETA[[task]], bins=BINS), EXPLORING, Start(table()), alone, ALL, Watch())
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(single, name)[0], getattr(whole, name)[task])
+
+
+def test_cars_that_are_pushed_back_most_learn_first() -> None:
+    assert MountainCars(ETA).queue().tolist() == [2, 8, 5, 0, 6, 3, 1, 7, 9, 4]
 
 
 @lean
