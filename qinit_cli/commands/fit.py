@@ -48,7 +48,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.stages.fit_findings import findings
     from store.reading import open_artefact
 
-    path = references.one(sources, output.store)
+    path = references.one(sources, output.store, "scipy.special")
     if output.dry_run:
         with open_artefact(path, "sources") as source:
             asked = _asked(source, fitting)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,16 @@ if TYPE_CHECKING:
     from store.catalog import Store
 
 
-def many(references: list[str], store: str) -> list[Path]:
-    """The paths that the references lead to, in order; stdin is read only for an explicit `-`."""
+def many(references: list[str], store: str, *needed: str) -> list[Path]:
+    """The paths that the references lead to, in order; stdin is read only for an explicit `-`.
+
+    `needed` are slow modules that the command will need: while the stage before is still at work, they are imported.
+    """
     from store.catalog import Store
 
+    if "-" in references:
+        for module in needed:
+            import_module(module)
     return [_resolved(name, Store(Path(store))) for name in listed(references)]
 
 
@@ -24,9 +31,9 @@ def listed(references: list[str]) -> list[str]:
     return [name for reference in references for name in (_from_stdin() if reference == "-" else [reference])]
 
 
-def one(reference: str, store: str) -> Path:
-    """The path of a single artefact; UsageError where stdin brings several."""
-    paths = many([reference], store)
+def one(reference: str, store: str, *needed: str) -> Path:
+    """The path of a single artefact; UsageError where stdin brings several. `needed` as for `many`."""
+    paths = many([reference], store, *needed)
     if len(paths) > 1:
         raise UsageError(
             f"one artefact was expected, stdin brought {len(paths)}; run the command once for each"

@@ -173,7 +173,7 @@ def transfer(
     from qinit_cli.commands.optimal_tables import OptimalTables
     from qinit_cli.stages.knowledge import Knowledge
 
-    known = Knowledge.read(references.one(fit, output.store))
+    known = Knowledge.read(references.one(fit, output.store, "qinit_cli.kernels.batch"))
     method, choice = tuned.applied(method, output.store, known.family)
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)

@@ -102,7 +102,7 @@ def tune(
     from qinit_cli.stages import tuning
     from store.reading import open_artefact
 
-    path = references.one(sources, keeping.store)
+    path = references.one(sources, keeping.store, "qinit_cli.kernels.batch")
     method = kind(**asdict(fixed))
     values = {name: _numbers(name, text) for name, text in asdict(grid).items()}
     tried = _candidates(method, values)
