@@ -66,6 +66,12 @@ def tunable(owner: type[Any]) -> dict[str, tuple[float, ...]]:
     return {field.name: field.metadata["grid"] for field in options(owner) if field.metadata["grid"]}
 
 
+def numbers(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
+    """The options that are numbers, always."""
+    hints = get_type_hints(owner)
+    return tuple(field for field in options(owner) if hints[field.name] in (int, float))
+
+
 def check(instance: DataclassInstance) -> None:
     """Raises ValueError, one sentence, for the first option that is out of its range, not finite or not among its choices."""
     hints = get_type_hints(type(instance))

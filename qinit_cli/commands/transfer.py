@@ -84,7 +84,7 @@ class Tuned:
 
     tuned: str | None = option(
         None,
-        "Take the parameters that qinit tune chose: its artefact.",
+        "Take the parameters that qinit tune chose, and what it was given besides: its artefact.",
         metavar="TUNING",
         default_text="the method's options",
     )
@@ -94,25 +94,26 @@ class Tuned:
         if self.tuned is None:
             return method, []
         from qinit_cli.commands import references
-        from qinit_cli.stages.tuning import chosen, with_parameters
+        from qinit_cli.stages.tuning import settings
         from store.reading import open_artefact
 
         with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
-            name, parameters = chosen(artefact)
-            drawn = family_of(artefact.spec)
+            name = artefact.spec["method"]["name"]
+            if name != method.name:
+                raise NotAllowed(f"{self.tuned} chose parameters of {name}, not of {method.name}")
+            drawn, wanted = family_of(artefact.spec), settings(artefact)
             given = {"role": "tuning", "name": artefact.path.stem, "content_sha256": artefact.content_sha256}
-        if name != method.name:
-            raise NotAllowed(f"{self.tuned} chose parameters of {name}, not of {method.name}")
         if drawn != family:
             raise NotAllowed(
                 f"{self.tuned} chose parameters for {drawn.label}; this fit is of {family.label}: tune its own sources"
             )
-        clash = [one for one in parameters if getattr(method, one) != getattr(type(method)(), one)]
+        defaults = {one.name: one.default for one in options(type(method))}
+        clash = [one for one, value in wanted.items() if getattr(method, one) not in (defaults[one], value)]
         if clash:
             raise UsageError(
                 f"{flag(clash[0])} and --tuned both say what {clash[0]} is; leave one of them out"
             )
-        return with_parameters(method, parameters), [given]
+        return replace(method, **wanted), [given]  # type: ignore[type-var]  # every concrete method is a dataclass
 
 
 NOT_TUNED = Tuned()

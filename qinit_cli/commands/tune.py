@@ -1,4 +1,8 @@
-"""`qinit tune METHOD SOURCES`: choose a method's parameters by the sources alone."""
+"""`qinit tune METHOD SOURCES`: choose a method's parameters by the sources alone.
+
+What has a grid (`option(grid=...)`) varies by default; every other number has one value unless several are given: all
+combinations of all of a method's numbers would be hundreds, and the best of them by 100 sources would be the luckiest.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +16,21 @@ from qinit_cli.commands.build import Group, Reference, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Output, Tabular, Work, store_option
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.fields import check, flag, option, options, tunable
+from qinit_cli.fields import check, flag, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Plan
-    from qinit_cli.stages.tuning import Candidate, Grid, Rehearsal
+    from qinit_cli.commands.making import Made, Plan
+    from qinit_cli.stages.tuning import Candidate, Choice, Grid, Rehearsal
     from store.reading import Artefact
 
 SCHEMA = "qinit.tune/1"
-MOST_CANDIDATES = 2_000
+MOST_CANDIDATES = (
+    2_000  # with 100 sources 0.1 to 3 s each of one core: an hour and a half where steps are dear
+)
+TRIAL_CANDIDATES = 6  # of a dry run, evenly among all
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,7 @@ class Keeping:
     store: str = store_option()
     force: bool = option(False, "Replace an artefact of that name that has other settings.")
     wait: bool = option(False, "Wait while another process writes the same artefact.")
+    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
 
 
 def add_to(methods: typer.Typer) -> None:
@@ -69,6 +77,9 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
         partial(tune, method),
         {
             "grid": Group(_grid_options(method), "Values to try, each combination of them"),
+            "several": Group(
+                _number_options(method), "One value of each, or several to try as well (1,3,10)"
+            ),
             "fixed": Group(_fixed_options(method), "Method"),
             "rehearsing": Group(Rehearsing, "Learning"),
             "keeping": Group(Keeping, "Artefact"),
@@ -89,6 +100,7 @@ def tune(
     kind: type[Method],
     sources: str,
     grid: Any,
+    several: Any,
     fixed: Any,
     rehearsing: Rehearsing,
     keeping: Keeping,
@@ -98,38 +110,27 @@ def tune(
     """Tries every combination on the sources, keeps how each fared, and prints it."""
     from qinit_cli.commands import references
     from qinit_cli.commands.making import make
-    from qinit_cli.commands.tables import TableColumn, print_table
-    from qinit_cli.stages import tuning
+    from qinit_cli.stages.tuning import Choice
     from store.reading import open_artefact
 
     path = references.one(sources, keeping.store, "qinit_cli.kernels.batch")
-    method = kind(**asdict(fixed))
-    values = {name: _numbers(name, text) for name, text in asdict(grid).items()}
+    method, values = _asked(kind, grid, several, fixed)
     tried = _candidates(method, values)
-    output = Output(keeping.output, keeping.store, keeping.force, keeping.wait)
+    as_json = tabular.chosen == "json"
+    output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)
+    work = Work(jobs=rehearsing.jobs)
     with open_artefact(path, "sources") as source:
-        plan = _plan(source, tried, values, rehearsing)
-        made = make(plan, output, Work(jobs=rehearsing.jobs), display)
+        rehearsal = _rehearsal(source, tried, rehearsing)
+        plan = _plan(source, rehearsal, values)
+        if keeping.dry_run:
+            _say_expected(plan, rehearsal, output, work, display)
+            return
+        made = make(plan, output, work, display)
     with open_artefact(made.path, "tuning") as artefact:
-        parameters = {name: artefact.read(name) for name in values}
-        judged = tuning.judged(artefact.read("average"), parameters, int(artefact.spec["seed"]))
-    columns = [
-        *(TableColumn(name, flag(name)) for name in values),
-        TableColumn("average", "return", 4, interval=True),
-        TableColumn("difference", "minus default", 4, interval=True),
-        TableColumn("default"),
-        TableColumn("chosen"),
-    ]
-    chosen = next(one for one in judged if one.chosen)
-    extra = {
-        "path": str(made.path),
-        "digest": made.digest,
-        "method": method.name,
-        "choice": chosen.parameters,
-    }
-    rows = [_row(one, tabular.chosen == "table") for one in judged]
-    print_table(SCHEMA, columns, rows, tabular, display, caption=CAPTION, extra=extra)
-    note(display, _sentence(method, chosen, made.path))
+        choice = Choice.of(artefact)
+    _print(choice, made, tabular, display)
+    for said in _sentences(choice, made.path):
+        note(display, said)
     if made.tally.failed:
         raise TasksFailed(
             f"{made.tally.failed} of {made.tally.tasks} sources failed; the same command tries them again"
@@ -137,6 +138,21 @@ def tune(
 
 
 CAPTION = "95 % bootstrap intervals over the sources, uncorrected; the largest of several averages reads a little too high"
+
+
+def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Method, Grid]:
+    """The method as it is where nothing varies, and the values to try of what does, in the order of its options."""
+    from qinit_cli.stages.tuning import with_parameters
+
+    typed = {name: _values(name, text) for name, text in asdict(several).items()}
+    alone = {name: values[0] for name, values in typed.items() if len(values) == 1}
+    varied = {name: _values(name, text) for name, text in asdict(grid).items()}
+    varied |= {name: values for name, values in typed.items() if len(values) > 1}
+    try:
+        method = with_parameters(kind(**asdict(fixed)), alone)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return method, {one.name: varied[one.name] for one in options(kind) if one.name in varied}
 
 
 def _candidates(method: Method, values: Grid) -> list[Method]:
@@ -157,15 +173,14 @@ def _candidates(method: Method, values: Grid) -> list[Method]:
     return tried
 
 
-def _plan(source: Artefact, tried: list[Method], values: Grid, rehearsing: Rehearsing) -> Plan:
+def _plan(source: Artefact, rehearsal: Rehearsal, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.tuning import parameters_of
     from store.schema import tuning_schema
 
-    rehearsal = _rehearsal(source, tried, rehearsing)
-    family = rehearsal.targets.family
+    family, tried = rehearsal.targets.family, rehearsal.candidates
     spec = specs.tuning(
         tried[0], values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
     )
@@ -179,6 +194,33 @@ def _plan(source: Artefact, tried: list[Method], values: Grid, rehearsing: Rehea
         read=source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
         statics=parameters_of(tried, tuple(values)),
+    )
+
+
+def _say_expected(plan: Plan, rehearsal: Rehearsal, output: Output, work: Work, display: Display) -> None:
+    """What it would take, by a few sources under a few of the candidates, all their episodes."""
+    import numpy as np
+
+    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected
+    from store.schema import tuning_schema
+
+    count = len(rehearsal.candidates)
+    some = np.unique(np.linspace(0, count - 1, TRIAL_CANDIDATES).astype(int))
+    fewer = replace(rehearsal, candidates=[rehearsal.candidates[place] for place in some])
+    usable = np.flatnonzero(rehearsal.fold >= 0)
+    trial = replace(
+        plan,
+        spec={**plan.spec, "tasks": TRIAL_TASKS},
+        schema=tuning_schema(tuple(plan.spec["grid"]), len(some)),
+        learn=lambda ids, watch: fewer(usable[ids], watch),
+    )
+    episodes = rehearsal.targets.learning.episodes
+    expected = foresee(plan, trial, episodes, episodes, output, work)
+    times = count / len(some)
+    say_expected(
+        replace(expected, steps=round(expected.steps * times), seconds=expected.seconds * times),
+        output,
+        display,
     )
 
 
@@ -215,7 +257,7 @@ def _rehearsal(source: Artefact, tried: list[Method], rehearsing: Rehearsing) ->
     return Rehearsal(targets, tried, fits, fold)
 
 
-def _numbers(name: str, text: str) -> tuple[float, ...]:
+def _values(name: str, text: str) -> tuple[float, ...]:
     """The values of a comma-separated list, each once."""
     try:
         return tuple(dict.fromkeys(float(part) for part in text.split(",")))
@@ -238,37 +280,100 @@ def _grid_options(method: type[Method]) -> type[Any]:
     )
 
 
-def _fixed_options(method: type[Method]) -> type[Any]:
-    """The method's other options, as they are."""
-    hints = get_type_hints(method)
+def _number_options(method: type[Method]) -> type[Any]:
+    """Each other number, as an option that takes one value, or several to try."""
     return make_dataclass(
-        f"{method.__name__}Fixed",
+        f"{method.__name__}Numbers",
         [
-            (one.name, hints[one.name], field(default=one.default, metadata=one.metadata))
-            for one in options(method)
+            (one.name, str, option(repr(one.default), one.metadata["help"], metavar="VALUE[,...]"))
+            for one in numbers(method)
             if one.name not in tunable(method)
         ],
         frozen=True,
     )
 
 
+def _fixed_options(method: type[Method]) -> type[Any]:
+    """The method's options that are no numbers, as they are."""
+    hints = get_type_hints(method)
+    taken = {one.name for one in numbers(method)} | tunable(method).keys()
+    return make_dataclass(
+        f"{method.__name__}Fixed",
+        [
+            (one.name, hints[one.name], field(default=one.default, metadata=one.metadata))
+            for one in options(method)
+            if one.name not in taken
+        ],
+        frozen=True,
+    )
+
+
+def _print(choice: Choice, made: Made, tabular: Tabular, display: Display) -> None:
+    from qinit_cli.commands.tables import TableColumn, print_table
+
+    columns = [
+        *(TableColumn(name, flag(name)) for name in choice.names),
+        TableColumn("average", "return", 4, interval=True),
+        TableColumn("difference", "minus default", 4, interval=True),
+        TableColumn("default"),
+        TableColumn("chosen"),
+    ]
+    worth = choice.worth
+    extra = {
+        "path": str(made.path),
+        "digest": made.digest,
+        "method": choice.method,
+        "choice": choice.chosen.parameters,
+        "worth": {"difference": worth.difference, "low": worth.low, "high": worth.high},
+        "edges": choice.edges,
+    }
+    rows = [_row(one, tabular.chosen == "table") for one in choice.candidates]
+    print_table(SCHEMA, columns, rows, tabular, display, caption=CAPTION, extra=extra)
+
+
 def _row(one: Candidate, for_people: bool) -> dict[str, Any]:
-    return {
-        **{name: float(f"{value:.6g}") if for_people else value for name, value in one.parameters.items()},
+    row = {
+        **one.parameters,
         "average": one.average,
         "average_low": one.low,
         "average_high": one.high,
         "difference": one.difference,
         "difference_low": one.difference_low,
         "difference_high": one.difference_high,
-        "default": ("yes" if one.default else "") if for_people else one.default,
-        "chosen": ("yes" if one.chosen else "") if for_people else one.chosen,
+        "default": one.default,
+        "chosen": one.chosen,
     }
+    if not for_people:
+        return row
+    told = {
+        name: int(value) if value.is_integer() else float(f"{value:.6g}")
+        for name, value in one.parameters.items()
+    }
+    nothing = {name: None for name in row if name.startswith("difference") and one.default}
+    marks = {name: "yes" if row[name] else "" for name in ("default", "chosen")}
+    return row | told | nothing | marks
 
 
-def _sentence(method: Method, chosen: Candidate, path: Path) -> str:
-    told = " ".join(f"{flag(name)} {value:g}" for name, value in chosen.parameters.items())
-    return (
-        f"{method.name}: {told} is chosen, {chosen.difference:+.4f} [{chosen.difference_low:.4f}, "
-        f"{chosen.difference_high:.4f}] to the default; qinit transfer {method.name} FIT --tuned {path} takes it"
-    )
+def _sentences(choice: Choice, path: Path) -> list[str]:
+    """What was chosen, what choosing is worth, and where values beyond those tried may be better."""
+    best, worth = choice.chosen, choice.worth
+    told = " ".join(f"{flag(name)} {value:g}" for name, value in best.parameters.items())
+    if best.default:
+        found = f"the default, {told}, is the best of {len(choice.candidates)}"
+    else:
+        unsure = "" if best.difference_low > 0 else ", from which it cannot be told"
+        found = (
+            f"{told} is chosen, {best.difference:+.4f} [{best.difference_low:.4f}, {best.difference_high:.4f}] "
+            f"to the default{unsure}"
+        )
+    edges = [
+        f"{flag(name)} {best.parameters[name]:g} is the {end} value tried; try {further} ones"
+        for name, end in choice.edges.items()
+        for further in ["smaller" if end == "smallest" else "larger"]
+    ]
+    return [
+        f"{choice.method}: {found}; qinit transfer {choice.method} FIT --tuned {path} takes it",
+        f"chosen by four folds and judged by the fifth, a choice is worth {worth.difference:+.4f} "
+        f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
+        *edges,
+    ]

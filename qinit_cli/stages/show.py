@@ -137,11 +137,10 @@ def _fit(artefact: Artefact) -> Shown:
 def _tuning(artefact: Artefact) -> Shown:
     import numpy as np
 
-    from qinit_cli.stages.tuning import judged
+    from qinit_cli.stages.tuning import Choice
 
-    average = artefact.read("average")
-    parameters = {name: artefact.read(name) for name in artefact.spec["grid"]}
-    [best] = [one for one in judged(average, parameters, int(artefact.spec["seed"])) if one.chosen]
+    average, choice = artefact.read("average"), Choice.of(artefact)
+    best = choice.chosen
     numbers: dict[str, int | float | str] = {
         "sources": int((~np.isnan(average).any(axis=1)).sum()),
         "candidates": average.shape[1],
@@ -150,6 +149,9 @@ def _tuning(artefact: Artefact) -> Shown:
         "difference": best.difference,
         "difference_low": best.difference_low,
         "difference_high": best.difference_high,
+        "worth": choice.worth.difference,
+        "worth_low": choice.worth.low,
+        "worth_high": choice.worth.high,
     }
     return Shown(numbers, np.empty(0))
 

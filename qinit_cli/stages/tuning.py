@@ -2,21 +2,23 @@
 
 The sources are split into folds; a fit of all others is what the method starts the sources of a fold with, and these are
 learned as targets are. No target and none of the targets' dice are seen, so that the choice cannot flatter a comparison.
-The average of the chosen candidate is the largest of several and reads a little too high; the differences say by how much.
+The average of the chosen candidate is the largest of several and reads a little too high; `worth` does not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, asdict, dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 import numpy as np
 
 from qinit_cli.analysis import intervals, returns
+from qinit_cli.environments import family_of, label_of
 from qinit_cli.errors import NotAllowed
-from qinit_cli.methods import Method
+from qinit_cli.fields import flag, options
+from qinit_cli.methods import METHODS, Method
 from qinit_cli.seeding import Stream, generator
 from qinit_cli.stages.transfer import TargetTasks, learn_targets
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 FOLDS = 5
 Grid = dict[str, tuple[float, ...]]  # the values to try of each parameter
+End = Literal["smallest", "largest"]
 
 
 def candidates(method: Method, grid: Grid) -> list[Method]:
@@ -128,11 +131,110 @@ def judged(average: Floats, parameters: dict[str, Floats], seed: int) -> list[Ca
     return sorted(told, key=lambda one: tuple(one.parameters.values()))
 
 
-def chosen(artefact: Artefact) -> tuple[str, dict[str, float]]:
-    """The method that a tuning is of, and the parameters it chose; every task verified."""
-    parameters = {name: artefact.read(name) for name in artefact.spec["grid"]}
-    found = judged(artefact.read("average"), parameters, int(artefact.spec["seed"]))
-    return str(artefact.spec["method"]["name"]), next(one.parameters for one in found if one.chosen)
+@dataclass(frozen=True)
+class Choice:
+    """What a tuning found."""
+
+    method: str
+    label: str  # of the method and the distribution
+    candidates: list[Candidate]  # by their parameters
+    worth: Worth  # of choosing
+    edges: dict[
+        str, End
+    ]  # the parameters of the chosen one beyond which nothing was tried, though there is more
+
+    @classmethod
+    def of(cls, artefact: Artefact) -> Choice:
+        """The choice that is kept, every task verified."""
+        average, seed = artefact.read("average"), int(artefact.spec["seed"])
+        method, grid = artefact.spec["method"], artefact.spec["grid"]
+        known = [one.name for one in _options(str(method["name"]))]
+        names = sorted(grid, key=lambda name: known.index(name) if name in known else 0)
+        found = judged(average, {name: artefact.read(name) for name in names}, seed)
+        return cls(
+            method=str(method["name"]),
+            label=f"{method['label']}, {label_of(artefact.spec)}",
+            candidates=found,
+            worth=worth(average, seed),
+            edges=edges(str(method["name"]), found, grid),
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """The parameters that vary."""
+        return list(self.chosen.parameters)
+
+    @property
+    def chosen(self) -> Candidate:
+        """The best."""
+        return next(one for one in self.candidates if one.chosen)
+
+    @property
+    def default(self) -> Candidate:
+        """The method as it is by default."""
+        return next(one for one in self.candidates if one.default)
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What choosing gains on sources that had no part in the choice, to the default, with its 95 % interval over sources."""
+
+    difference: float
+    low: float
+    high: float
+
+
+def worth(average: Floats, seed: int) -> Worth:
+    """The gain over the default of what the other folds' sources choose, (N, C) as for `judged`, judged by each fold's own."""
+    tried = average[~np.isnan(average).any(axis=1)]
+    gained = np.zeros(len(tried))
+    fold = folds(np.ones(len(tried), bool))
+    for number in range(FOLDS):
+        own = fold == number
+        best = int(np.argmax(tried[~own].mean(axis=0)))
+        gained[own] = tried[own, best] - tried[own, 0]
+    found = intervals.over_targets(gained[:, None], generator(seed, Stream.BOOTSTRAP, 0))
+    return Worth(*(float(each[0]) for each in (found.estimate, found.low, found.high)))
+
+
+def edges(
+    method: str, candidates: Sequence[Candidate], grid: Mapping[str, Sequence[float]]
+) -> dict[str, End]:
+    """Which of the chosen parameters is an end of what was tried; not where the option's range ends, nor of one value alone."""
+    bounds = {one.name: (one.metadata["low"], one.metadata["high"]) for one in _options(method)}
+    [best] = [one for one in candidates if one.chosen]
+    found: dict[str, End] = {}
+    for name in (name for name in best.parameters if len(grid[name]) > 1):
+        value, values = best.parameters[name], {one.parameters[name] for one in candidates}
+        low, high = bounds.get(name, (None, None))
+        if value == min(values) and value != low:
+            found[name] = "smallest"
+        elif value == max(values) and value != high:
+            found[name] = "largest"
+    return found
+
+
+def _options(method: str) -> tuple[Field[Any], ...]:
+    """The options of a method, () where it is a plug-in's that is not installed any more."""
+    kind = METHODS.get(method)
+    return options(kind) if kind else ()
+
+
+def settings(artefact: Artefact) -> dict[str, Any]:
+    """The options that a tuned method is to have: the chosen parameters, and what was given to tune besides."""
+    kind, family = METHODS[artefact.spec["method"]["name"]], family_of(artefact.spec)
+    defaults = {one.name: one.default for one in options(kind)}
+    stored = {name: artefact.spec["method"][name] for name in defaults}
+    if isinstance(stored.get("init"), dict):
+        stored["init"] = stored["init"]["name"]
+    method = kind(**stored)
+    for name, default in defaults.items():  # what the family fills in stays with the family
+        plainer = replace(method, **{name: default})  # type: ignore[type-var]  # every concrete method is a dataclass
+        if plainer.on(family) == method.on(family):
+            method = plainer
+    given = {name: getattr(method, name) for name in defaults if getattr(method, name) != defaults[name]}
+    chosen = with_parameters(method, Choice.of(artefact).chosen.parameters)
+    return given | {name: getattr(chosen, name) for name in artefact.spec["grid"]}
 
 
 def parameters_of(methods: Sequence[Method], names: Sequence[str]) -> dict[str, Floats]:
@@ -142,8 +244,12 @@ def parameters_of(methods: Sequence[Method], names: Sequence[str]) -> dict[str, 
 
 
 def with_parameters(method: Method, parameters: dict[str, float]) -> Method:
-    """The method with these parameters, whole numbers where it takes whole numbers."""
-    given = {name: type(getattr(method, name))(value) for name, value in parameters.items()}
+    """The method with these parameters, whole numbers where it takes whole numbers; ValueError for one that cannot be."""
+    hints, given = get_type_hints(type(method)), dict[str, float]()
+    for name, value in parameters.items():
+        if hints[name] is int and not float(value).is_integer():
+            raise ValueError(f"{flag(name)} is {value:g}; it must be a whole number")
+        given[name] = int(value) if hints[name] is int else float(value)
     return replace(method, **given)  # type: ignore[type-var]  # every concrete method is a dataclass
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import h5py
+import numpy as np
 import pytest
 
+from store.reading import open_artefact
 from tests.conftest import run_here
 
 if TYPE_CHECKING:
@@ -94,6 +97,10 @@ def test_the_artefact_is_shown_listed_exported_and_verified(here: Here, sources:
     [
         (("logqinit-quantile", "--quantile", "0.1;0.2"), 2, "write numbers with commas"),
         (("logqinit-quantile", "--quantile", "2"), 2, "--quantile is 2.0"),
+        (("posterior", "--freeze", "1,2.5"), 2, "--freeze is 2.5; it must be a whole number"),
+        (("posterior", "--floor", "-1"), 2, "--floor is -1.0"),
+        (("posterior", "--threshold", "3,1"), 2, "--threshold is 3.0; it must be from 0 to 2"),
+        (("ops-tl", "--c", ",".join(map(str, range(200)))), 2, "these are 4001 combinations"),
         (("maxqinit",), 2, "maxqinit"),
     ],
 )
@@ -126,3 +133,98 @@ def test_a_choice_of_another_method_or_distribution_is_refused(
     )
     other = here("transfer", "ucoi", here("fit", elsewhere.path).path, "--tuned", path)
     assert (other.code, "tune its own sources" in other.err) == (4, True)
+
+
+def _spec(path: str | Path) -> dict[str, Any]:
+    with open_artefact(Path(path), "tuning") as artefact:
+        return dict(artefact.spec)
+
+
+def test_what_is_asked_to_vary_does_and_all_else_has_one_value(here: Here, sources: Path) -> None:
+    plain = json.loads(here("tune", "posterior", sources, "--episodes", "5", "--json").out)
+    assert _spec(plain["path"])["grid"] == {"temperature": [0, 0.01, 0.02, 0.05, 0.1, 0.2]}
+    assert _spec(plain["path"])["method"]["freeze"] == 3
+    asked = here(
+        "tune", "posterior", sources, "--episodes", "5", "--temperature", "0.1", "--freeze", "1,2",
+        "--floor", "0.02", "--json",
+    )  # fmt: skip
+    told = json.loads(asked.out)
+    spec = _spec(told["path"])
+    assert spec["grid"] == {"temperature": [0.1], "freeze": [1, 2]}
+    assert (spec["method"]["floor"], spec["method"]["freeze"]) == (0.02, 3)
+    rows = [(row["temperature"], row["freeze"], row["default"]) for row in told["rows"]]
+    assert rows == [(0.05, 3, True), (0.1, 1, False), (0.1, 2, False)]
+
+
+def test_all_that_a_choice_was_made_with_is_taken_by_transfer(here: Here, sources: Path) -> None:
+    options = ("--mixing", "geometric", "--floor", "0.02")
+    told = json.loads(
+        here("tune", "posterior", sources, "--episodes", "40", "--temperature", "1", "--freeze", "1,9", *options,
+             "--json").out
+    )  # fmt: skip
+    fit = here("fit", sources).path
+    targets = ("transfer", "posterior", fit, "--tasks", "3", "--episodes", "30")
+    tuned = here(*targets, "--tuned", told["path"])
+    chosen = [word for name, value in told["choice"].items() for word in (f"--{name}", f"{value:g}")]
+    typed = here(*targets, *options, *chosen)
+    assert tuned.code == 0, tuned.err
+    assert tuned.out == typed.out
+    other = here(*targets, "--floor", "0.3", "--tuned", told["path"])
+    assert (other.code, "--floor and --tuned both say what floor is" in other.err) == (2, True)
+
+
+def test_what_a_method_starts_from_is_part_of_the_choice(here: Here, sources: Path) -> None:
+    plus = ("--init", "logqinit-median")
+    told = json.loads(
+        here(
+            "tune", "ops-tl", sources, "--episodes", "20", "--rho", "0.9", "--nu", "0.5", *plus, "--json"
+        ).out
+    )
+    run = here(
+        "transfer",
+        "ops-tl",
+        here("fit", sources).path,
+        "--tasks",
+        "2",
+        "--episodes",
+        "9",
+        "--tuned",
+        told["path"],
+    )
+    with open_artefact(run.path, "run") as artefact:
+        assert artefact.spec["method"]["init"]["name"] == "logqinit-median"
+
+
+def test_the_best_at_an_end_of_what_was_tried_is_told(here: Here, sources: Path) -> None:
+    arguments = ("tune", "logqinit-quantile", sources, "--episodes", "30", "--json")
+    ended = here(
+        *arguments, "--quantile", "0.9999,0.99999"
+    )  # bad starts: the default is the smallest, and the best
+    assert json.loads(ended.out)["edges"] == {"quantile": "smallest"}
+    assert "--quantile 0.158655 is the smallest value tried; try smaller ones" in ended.err
+    assert "the default, --quantile 0.158655, is the best of 3" in ended.err
+
+
+def test_a_trial_tells_what_tuning_would_take_and_makes_nothing(here: Here, sources: Path) -> None:
+    arguments = ("tune", "ucoi", sources, "--episodes", "50", "--store", "nothing-yet")
+    told = json.loads(here(*arguments, "--dry-run", "--json").out)
+    assert (told["tasks"], told["missing"]) == (12, 12)
+    assert not Path("nothing-yet").exists()
+    made = json.loads(here(*arguments, "--json").out)["path"]
+    with h5py.File(made) as file:
+        taken = int(np.sum(file["steps"]))
+    assert 0.3 * taken < told["steps"] < 3 * taken
+    assert json.loads(here(*arguments, "--dry-run", "--json").out)["missing"] == 0
+
+
+def test_a_table_at_eighty_columns_is_whole_and_marks_default_and_choice(
+    here: Here, sources: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    ended = here("tune", "posterior", sources, "--episodes", "20", "--freeze", "1,3", "--format", "table")
+    lines = ended.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert all(
+        heading in lines[1] for heading in ("--temperature", "--freeze", "minus default", "default", "chosen")
+    )
+    assert sum(line.rstrip().endswith("yes") for line in lines) in (1, 2)  # the default may be the choice

@@ -19,10 +19,12 @@ from qinit_cli.stages.tuning import (
     FOLDS,
     Rehearsal,
     candidates,
+    edges,
     folds,
     judged,
     parameters_of,
     with_parameters,
+    worth,
 )
 
 FAMILY = Gridworld(size=5, variance=2)
@@ -126,3 +128,43 @@ def test_parameters_are_told_and_put_back() -> None:
     assert with_parameters(METHODS["ops-tl"](), {"rho": 0.9, "library": 7.0}) == METHODS["ops-tl"](
         rho=0.9, library=7
     )  # type: ignore[call-arg]
+
+
+def test_a_part_of_a_whole_number_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"--library is 2\.5; it must be a whole number"):
+        with_parameters(METHODS["ops-tl"](), {"library": 2.5})
+
+
+def test_what_choosing_is_worth_is_judged_by_sources_that_did_not_choose() -> None:
+    average = np.zeros((10, 2))
+    average[0, 1] = 1.0  # one lucky source of the first fold makes its candidate the best of all ...
+    assert [one.chosen for one in judged(average, {"kappa": np.array([10.0, 1.0])}, 0) if one.default] == [
+        False
+    ]
+    found = worth(average, 0)
+    assert found.difference == 0.0  # ... and the other folds choose it, to which it is worth nothing
+
+
+def test_a_candidate_that_is_better_everywhere_is_worth_what_it_gains() -> None:
+    average = np.tile([0.2, 0.3, 0.1], (15, 1))
+    average[4] = np.nan
+    found = worth(average, 0)
+    assert (found.difference, found.low, found.high) == pytest.approx((0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("best", "grid", "found"),
+    [
+        (0.99, (0.9, 0.99, 0.999), {}),
+        (0.9, (0.9, 0.99, 0.999), {"rho": "smallest"}),
+        (0.999, (0.9, 0.99, 0.999), {"rho": "largest"}),
+        (1.0, (0.9, 0.99, 1.0), {}),  # there is no more
+        (0.9, (0.9,), {}),  # no range was asked for
+    ],
+)
+def test_an_end_of_what_was_tried_is_one_where_there_is_more(
+    best: float, grid: tuple[float, ...], found: dict[str, str]
+) -> None:
+    rho = np.array([0.99, *(value for value in grid if value != 0.99)])
+    average = np.where(rho == best, 0.5, 0.1) * np.ones((5, 1))
+    assert edges("ops-tl", judged(average, {"rho": rho}, 0), {"rho": grid}) == found
