@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from store.reading import Artefact
 
 SCHEMA = "qinit.tune/1"
-MOST_CANDIDATES = (
-    2_000  # with 100 sources 0.1 to 3 s each of one core: an hour and a half where steps are dear
-)
+# with 100 sources a candidate takes 0.1 to 10 s of one core: hours where steps are dear
+MOST_CANDIDATES = 2_000
 TRIAL_CANDIDATES = 6  # of a dry run, evenly among all
 
 

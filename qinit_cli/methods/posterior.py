@@ -38,7 +38,7 @@ class Posterior(Method):
         0.05,
         "Factor of the evidence: 0 leaves all weights equal.",
         low=0,
-        grid=(0.0, 0.01, 0.02, 0.05, 0.1, 0.2),
+        grid=(0.0, 0.0005, 0.002, 0.01, 0.05, 0.2),
     )
     floor: float = option(0.01, "Least standard deviation of a TD error, above 0.", low=1e-9)
     excess: float = option(0.0, "Squared TD error, in variances, that counts as none.", low=0)
@@ -48,7 +48,17 @@ class Posterior(Method):
         low=0,
         default_text="200 if centred, else 5",
     )
-    freeze: int = option(3, "Goals reached after which the weights stay; 0: they never freeze.", low=0)
+    freeze: int = option(
+        3,
+        "Goals reached after which the weights stay; 0: they never freeze.",
+        low=0,
+        grid=(
+            1,
+            3,
+            30,
+            300,
+        ),  # with the temperature: cooler evidence needs more goals, and neither alone gains
+    )
     threshold: float = option(
         0.05, "Movement of the weights, summed over sources, at which the table follows.", low=0, high=2
     )

@@ -139,11 +139,11 @@ def _tuning(artefact: Artefact) -> Shown:
 
     from qinit_cli.stages.tuning import Choice
 
-    average, choice = artefact.read("average"), Choice.of(artefact)
+    choice = Choice.of(artefact)
     best = choice.chosen
     numbers: dict[str, int | float | str] = {
-        "sources": int((~np.isnan(average).any(axis=1)).sum()),
-        "candidates": average.shape[1],
+        "sources": choice.sources,
+        "candidates": len(choice.candidates),
         **best.parameters,
         "average_return": best.average,
         "difference": best.difference,

@@ -137,6 +137,7 @@ class Choice:
 
     method: str
     label: str  # of the method and the distribution
+    sources: int  # that were tried
     candidates: list[Candidate]  # by their parameters
     worth: Worth  # of choosing
     edges: dict[
@@ -154,6 +155,7 @@ class Choice:
         return cls(
             method=str(method["name"]),
             label=f"{method['label']}, {label_of(artefact.spec)}",
+            sources=int((~np.isnan(average).any(axis=1)).sum()),
             candidates=found,
             worth=worth(average, seed),
             edges=edges(str(method["name"]), found, grid),

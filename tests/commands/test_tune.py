@@ -142,8 +142,9 @@ def _spec(path: str | Path) -> dict[str, Any]:
 
 def test_what_is_asked_to_vary_does_and_all_else_has_one_value(here: Here, sources: Path) -> None:
     plain = json.loads(here("tune", "posterior", sources, "--episodes", "5", "--json").out)
-    assert _spec(plain["path"])["grid"] == {"temperature": [0, 0.01, 0.02, 0.05, 0.1, 0.2]}
-    assert _spec(plain["path"])["method"]["freeze"] == 3
+    grid = _spec(plain["path"])["grid"]
+    assert grid == {"temperature": [0, 0.0005, 0.002, 0.01, 0.05, 0.2], "freeze": [1, 3, 30, 300]}
+    assert _spec(plain["path"])["method"]["floor"] == 0.01
     asked = here(
         "tune", "posterior", sources, "--episodes", "5", "--temperature", "0.1", "--freeze", "1,2",
         "--floor", "0.02", "--json",

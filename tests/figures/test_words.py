@@ -61,11 +61,11 @@ def test_an_svg_element_stands_in_a_page_by_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    "picture", ["heatmaps", "histograms", "curves", "bars", "eopl", "occupancy", "normality"]
+    "picture", ["heatmaps", "histograms", "curves", "bars", "eopl", "occupancy", "normality", "tuning"]
 )
-def test_every_picture_describes_itself(here: Draw, pipeline: Any, picture: str) -> None:
+def test_every_picture_describes_itself(here: Draw, pipeline: Any, tuning: Path, picture: str) -> None:
     given = {"curves": pipeline.runs["zero"], "bars": pipeline.runs["zero"]}
-    given |= {"heatmaps": pipeline.fit, "normality": pipeline.fit}
+    given |= {"heatmaps": pipeline.fit, "normality": pipeline.fit, "tuning": tuning}
     path = here("plot", picture, given.get(picture, pipeline.sources), "-o", "picture.svg").path
     root = ElementTree.parse(path).getroot()
     title, words = (root.findtext(f"{SVG}{name}") or "" for name in ("title", "desc"))

@@ -15,10 +15,23 @@ from qinit_cli.commands.plot import (
     normality,
     occupancy,
     posterior,
+    tuning,
 )
 
 
 def add_to(plots: typer.Typer) -> None:
     """Adds one subcommand per picture."""
-    for picture in (heatmaps, histograms, curves, bars, occupancy, eopl, car, normality, posterior, lifetime):
+    for picture in (
+        heatmaps,
+        histograms,
+        curves,
+        bars,
+        occupancy,
+        eopl,
+        car,
+        normality,
+        posterior,
+        lifetime,
+        tuning,
+    ):
         picture.add_to(plots)
