@@ -378,6 +378,7 @@ class Seen:
     lows: tuple[float, ...]  # of a Box
     highs: tuple[float, ...]
     resets: Integers  # states after RESETS resets
+    first: int = 0  # the number of the first state
 
     @property
     def states(self) -> int:
@@ -387,12 +388,17 @@ class Seen:
         return math.prod(self.shape)
 
     def state(self, observation: Any) -> int:
-        """The table's state that an observation is in; what lies beyond the bins is in the last."""
+        """The table's state that an observation is in; beyond the bins, in the last; NotAllowed where there is none."""
         if not self.lows:
-            return int(observation)
+            number = int(observation) - self.first
+            if not 0 <= number < self.states:  # the compiled loop would write beyond its table
+                raise NotAllowed(
+                    f"the environment observed {observation}, which is none of the {self.states} states that it says it has"
+                )
+            return number
         state = 0
-        for number, low, high, bins in zip(observation, self.lows, self.highs, self.shape, strict=True):
-            place = int((float(number) - low) / (high - low) * bins)
+        for value, low, high, bins in zip(observation, self.lows, self.highs, self.shape, strict=True):
+            place = int((float(value) - low) / (high - low) * bins)
             state = state * bins + min(max(place, 0), bins - 1)
         return state
 
@@ -440,9 +446,10 @@ def _seen(
         raise UsageError(
             f"{env_id} observes a {observed}{getattr(kinds[0], 'shape', None) or ''}; a Discrete or a Box of one row is needed"
         )
-    seen = Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64))
+    first = 0 if lows else int(env.observation_space.start)
+    seen = Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first)
     resets = [seen.state(env.reset(seed=seed)[0]) for seed in range(RESETS)]
-    return Seen(shape, actions, tabled, lows, highs, np.array(resets, np.int64))
+    return Seen(shape, actions, tabled, lows, highs, np.array(resets, np.int64), first)
 
 
 def _grid(env: Any) -> tuple[int, ...]:
@@ -481,9 +488,15 @@ def _bounds(env_id: str, space: Any, ranges: tuple[str, ...]) -> tuple[tuple[flo
                 f"--range {text}: write DIM=LOW:HIGH, DIM from 0 to {len(lows) - 1}, LOW below HIGH"
             )
         lows[place], highs[place] = low, high
-    for place, (low, high) in enumerate(zip(lows, highs, strict=True)):
-        if not (abs(low) < UNBOUNDED and abs(high) < UNBOUNDED):
-            raise UsageError(
-                f"{env_id} sets no bounds to dimension {place} of what it observes; give --range {place}=LOW:HIGH"
-            )
+    unbounded = [
+        place
+        for place, (low, high) in enumerate(zip(lows, highs, strict=True))
+        if not (abs(low) < UNBOUNDED and abs(high) < UNBOUNDED)
+    ]
+    if unbounded:
+        dimensions = "dimension" if len(unbounded) == 1 else "dimensions"
+        raise UsageError(
+            f"{env_id} sets no bounds to {dimensions} {' and '.join(map(str, unbounded))} of what it observes; give "
+            f"{' '.join(f'--range {place}=LOW:HIGH' for place in unbounded)}"
+        )
     return tuple(lows), tuple(highs)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats
 
 KEPT = 1024  # tasks whose tables are kept in memory: each is asked for several times
+ROUNDING = 1e-9  # of chances that were added up or divided
 RULE = re.compile(r"reward(>=|<=|>|<)(-?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)")
 PAID_BEST, TERMINATED, SURVIVED = "", "terminated", "survived"
 
@@ -46,9 +47,14 @@ def made(env_id: str, settings: Settings) -> Any:
         kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
         known = _arguments(kind)
         given = {name: value for name, value in settings if name in known}
+        _check_flags(env_id, kind, given)
         env = gymnasium.make(env_id, disable_env_checker=True, **given).unwrapped
+    except UsageError:
+        raise
     except Exception as error:  # of any kind: the environment is somebody else's
-        raise UsageError(f"gymnasium cannot make {env_id}: {' '.join(str(error).split())}") from error
+        told = " ".join(str(error).split())
+        kind_told = "" if isinstance(error, gymnasium.error.Error) else f"{type(error).__name__}: "
+        raise UsageError(f"gymnasium cannot make {env_id}: {kind_told}{told}") from error
     for name, value in settings:
         if name not in given:
             _set(env, env_id, name, value, known)
@@ -59,6 +65,16 @@ def _arguments(kind: Callable[..., Any]) -> list[str]:
     """The names of a constructor's arguments."""
     parameters = inspect.signature(kind).parameters.values()
     return [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
+
+
+def _check_flags(env_id: str, kind: Callable[..., Any], given: dict[str, Any]) -> None:
+    """UsageError where an argument that is true or false is drawn: any number but 0 would be true."""
+    parameters = inspect.signature(kind).parameters
+    for name, value in given.items():
+        if isinstance(parameters[name].default, bool) and isinstance(value, float):
+            raise UsageError(
+                f"{name} of {env_id} is True or False, no number: --set {name}=True, or vary another"
+            )
 
 
 def _set(env: Any, env_id: str, name: str, value: Any, known: Iterable[str]) -> None:
@@ -127,6 +143,7 @@ def table(env_id: str, settings: Settings, goal: str) -> Table:
     for state in range(states):
         for action in range(actions):
             outcomes: dict[int, float] = {}
+            _check_chances(env_id, settings, [float(way[0]) for way in ways[state][action]])
             for odds, there, reward, done in ways[state][action]:
                 end = (GOAL if reached(float(reward)) else LOST) if done else int(there)
                 outcomes[end] = outcomes.get(end, 0.0) + float(odds)
@@ -138,6 +155,16 @@ def table(env_id: str, settings: Settings, goal: str) -> Table:
         chance[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
     shape = (states, actions, most)
     return Table(after.reshape(shape), chance.reshape(shape), start / start.sum(), open)
+
+
+def _check_chances(env_id: str, settings: Settings, chances: list[float]) -> None:
+    """NotAllowed where the chances of an action's outcomes are none: a constructor may take any number for one."""
+    if min(chances) < -ROUNDING or abs(sum(chances) - 1) > ROUNDING:
+        told = ", ".join(f"{name}={value}" for name, value in settings) or "its defaults"
+        raise NotAllowed(
+            f"{env_id} with {told} has a move whose outcomes have the chances "
+            f"{', '.join(f'{chance:g}' for chance in chances)}: they must be within 0 and 1, and sum to 1"
+        )
 
 
 def _open(ways: Any, start: Floats) -> Flags:

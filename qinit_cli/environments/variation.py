@@ -6,7 +6,10 @@ import ast
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
+
+from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,6 +17,7 @@ if TYPE_CHECKING:
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 NUMBERS = {"normal": "MEAN,STD", "uniform": "LOW,HIGH", "map": "SIZE,FROZEN"}
 MAP_SEEDS = 2**31
+MAP_TRIES = 1000
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,27 @@ class Variation:
             return float(drawn)
         from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
-        return generate_random_map(size=int(self.numbers[0]), p=self.numbers[1], seed=int(drawn))
+        size, frozen = int(self.numbers[0]), self.numbers[1]
+        if not _map_is_found(size, frozen):
+            raise UsageError(
+                f"--vary {self.name}=map:{size},{frozen:g}: of {MAP_TRIES} such maps none can be solved; raise FROZEN"
+            )
+        return generate_random_map(size=size, p=frozen, seed=int(drawn))
+
+
+@lru_cache
+def _map_is_found(size: int, frozen: float) -> bool:
+    """Whether a map that can be solved is found soon: gymnasium's generator would look for one without end."""
+    import numpy as np
+    from gymnasium.envs.toy_text.frozen_lake import is_valid
+
+    chance = np.random.Generator(np.random.PCG64(0))
+    for _ in range(MAP_TRIES):
+        board = np.where(chance.random((size, size)) < frozen, "F", "H")
+        board[0, 0], board[-1, -1] = "S", "G"
+        if is_valid(board, size):
+            return True
+    return False
 
 
 def _fault(kind: str, first: float, second: float) -> str:

@@ -122,13 +122,26 @@ def test_paths_of_a_simulated_task_are_those_of_its_greedy_episodes() -> None:
         ({"env_id": "CartPoleX-v1"}, "gymnasium cannot make CartPoleX-v1"),
         (
             {"env_id": "CartPole-v1"},
-            "sets no bounds to dimension 1 of what it observes; give --range 1=LOW:HIGH",
+            "sets no bounds to dimensions 1 and 3 of what it observes; give --range 1=LOW:HIGH --range 3=LOW:HIGH",
+        ),
+        (
+            {"env_id": "CartPole-v1", "range": ["3=-2:2"]},
+            "no bounds to dimension 1 of what it observes; give --range 1=LOW:HIGH",
         ),
         ({"env_id": "CartPole-v1", "range": ["9=0:1"]}, "DIM from 0 to 3"),
         ({"env_id": "CartPole-v1", "range": ["1=-2:2", "3=-2:2"], "bins": "3,3"}, "has 4 dimensions"),
         ({"env_id": "FrozenLake-v1", "bins": "4"}, "numbers its states; leave out --bins and --range"),
         ({"env_id": "FrozenLake-v1", "vary": ["wind=normal:0,1"]}, "has no wind: its constructor takes"),
         ({"env_id": "FrozenLake-v1", "set": ["nrow=3"]}, "has made its transitions by the time that nrow"),
+        ({"env_id": "FrozenLake-v1", "set": ["map_name=9x9"]}, "cannot make FrozenLake-v1: KeyError: '9x9'"),
+        (
+            {"env_id": "FrozenLake-v1", "vary": ["is_slippery=uniform:0,1"]},
+            "is_slippery of FrozenLake-v1 is True or False, no number",
+        ),
+        (
+            {"env_id": "FrozenLake-v1", "vary": ["desc=map:8,0.05"]},  # gymnasium would look for one for ever
+            "of 1000 such maps none can be solved; raise FROZEN",
+        ),
         ({"env_id": "Blackjack-v1"}, "observes a Tuple; a Discrete or a Box of one row is needed"),
         ({"env_id": "Pendulum-v1"}, "has actions of the kind Box; numbered ones"),
     ],
@@ -169,6 +182,16 @@ def test_the_goal_must_be_an_end_and_be_told_where_there_is_no_table() -> None:
     assert LAKE.refusal(anywhere) == POLE.refusal(LEARNING) == ""
 
 
+@pytest.mark.parametrize(
+    ("slip", "chances"),
+    [("uniform:1.5,1.5", "-0.25, 1.5, -0.25"), ("normal:-0.2,0", "0.6, -0.2, 0.6")],
+)
+def test_what_is_drawn_beyond_the_chances_there_are_is_refused(slip: str, chances: str) -> None:
+    lake = Gym(env_id="FrozenLake-v1", vary=[f"success_rate={slip}"])
+    with pytest.raises(NotAllowed, match=f"success_rate=.* outcomes have the chances {chances}: they"):
+        lake.tables(tasks_of(lake, 1))
+
+
 def test_the_ends_that_pay_best_are_the_goal_and_holes_are_not() -> None:
     tables = LAKE.tables(tasks_of(LAKE, 1))
     everything = dataclasses.replace(LAKE, goal="terminated").tables(tasks_of(LAKE, 1))
@@ -181,6 +204,40 @@ def test_the_ends_that_pay_best_are_the_goal_and_holes_are_not() -> None:
         12,
         15,
     ]  # the holes and the goal of the 4 x 4 map
+
+
+class Counting(gymnasium.Env[int, int]):
+    """States that are numbered from 5 on, and a `last` that may be none of them."""
+
+    observation_space = gymnasium.spaces.Discrete(3, start=5)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, last: int = 7) -> None:
+        self.last = last
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[int, dict[str, Any]]:
+        super().reset(seed=seed)
+        return 5, {}
+
+    def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+        return self.last, 0.0, False, False, {}
+
+
+def test_states_that_are_numbered_from_elsewhere_are_rows_from_0_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = gymnasium.envs.registration.EnvSpec("Counting-v0", entry_point=Counting)
+    monkeypatch.setitem(gymnasium.registry, "Counting-v0", spec)
+    counting = Gym(env_id="Counting-v0", goal="terminated")
+    episodes = counting._episodes(tasks_of(counting, 1)[0], 10)
+    assert counting.starts().tolist() == [1, 0, 0]
+    assert (episodes.start(0), episodes.step(0)) == (0, 2)
+
+
+def test_a_state_beyond_those_there_are_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = gymnasium.envs.registration.EnvSpec("Counting-v0", entry_point=Counting)
+    monkeypatch.setitem(gymnasium.registry, "Counting-v0", spec)
+    beyond = Gym(env_id="Counting-v0", goal="terminated", set=["last=8"])
+    with pytest.raises(NotAllowed, match="observed 8, which is none of the 3 states"):
+        beyond._episodes(tasks_of(beyond, 1)[0], 10).step(0)
 
 
 def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
