@@ -87,7 +87,7 @@ def _map_is_found(size: int, frozen: float) -> bool:
     for _ in range(MAP_TRIES):
         board = np.where(chance.random((size, size)) < frozen, "F", "H")
         board[0, 0], board[-1, -1] = "S", "G"
-        if is_valid(board, size):
+        if is_valid(board.tolist(), size):
             return True
     return False
 
