@@ -24,6 +24,9 @@ from qinit_cli.kernels.lane import ROW, WORTH, make_terminal
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
 
 NEVER = -1  # episode after which weights froze, where they never did
+LEAST = (
+    -600.0
+)  # ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
 
 
 @dataclass(frozen=True)
@@ -182,7 +185,7 @@ def _normalise(posterior, lane, task):
         largest = max(largest, log_weight[each])
     for each in range(posterior.tables):
         log_weight[each] -= largest
-        weight[each] = math.exp(log_weight[each])
+        weight[each] = math.exp(max(log_weight[each], LEAST))
         whole += weight[each]
     for each in range(posterior.tables):
         weight[each] /= whole

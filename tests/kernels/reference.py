@@ -244,7 +244,7 @@ class Weighed:
 
     @property
     def weight(self) -> np.ndarray:
-        weight = np.exp(self.log_weight - self.log_weight.max())
+        weight = np.exp(np.maximum(self.log_weight - self.log_weight.max(), -600.0))
         return weight / weight.sum()
 
     def mean(self) -> np.ndarray:

@@ -203,6 +203,20 @@ def test_the_target_among_the_hypotheses_is_found_and_its_table_learned_from() -
     assert np.median(weighing.weights[np.arange(len(GOALS)), -1, np.arange(len(GOALS))]) > 0.99
 
 
+def test_what_only_refuted_tables_know_is_still_their_mean() -> None:
+    """The target's own table does not know its goal: of that cell the other's values stay, however little it weighs."""
+    q, td_var = (np.empty((2, SIZE**2, 4)) for _ in range(2))
+    solve(GOALS[:2], P[:2], SIZE, GRID.gamma, 1e-12, q, td_var)
+    hypotheses = Hypotheses(
+        q, td_var, **RULES[0] | {"temperature": 1e6, "cap": 1e6, "freeze": 0}, geometric=False
+    )
+    worlds = Gridworlds(SIZE, GOALS[:1], P[:1])
+    learned, weighing = learned_from(worlds, GRID, hypotheses, part(chance(6, 1), [0]))
+    assert weighing.weights[0, -1, 0] == 1.0
+    assert weighing.weights[0, -1, 1] < 1e-250
+    np.testing.assert_allclose(learned.q[0, GOALS[0]], q[1, GOALS[0]], rtol=1e-12)
+
+
 def test_a_corrected_table_is_what_learning_from_the_last_start_would_hold() -> None:
     """Where targets do not depend on the table: no discounted future, every step explores, episodes of one step."""
     blind = Learning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
