@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.environments.gym_tables import (
@@ -397,9 +398,15 @@ class Seen:
                 )
             return number
         state = 0
-        for value, low, high, bins in zip(observation, self.lows, self.highs, self.shape, strict=True):
-            place = int((float(value) - low) / (high - low) * bins)
-            state = state * bins + min(max(place, 0), bins - 1)
+        sides = zip(map(float, observation), self.lows, self.highs, self.shape, strict=True)
+        for dimension, (value, low, high, bins) in enumerate(sides):
+            if not isfinite(value):
+                raise NotAllowed(
+                    f"the environment observed {value} in dimension {dimension}, which is in no bin; its "
+                    "observations must be finite"
+                )
+            place = (value - low) / (high - low) * bins
+            state = state * bins + int(min(max(place, 0), bins - 1))
         return state
 
 

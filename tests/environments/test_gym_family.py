@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium
@@ -244,3 +245,48 @@ def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(UsageError, match=r"pip install 'qinit\[gym\]'"):
         gym_tables.made("FrozenLake-v1", ())
+
+
+class Unmeasured(gymnasium.Env):
+    """Observes what it is told to: first at its reset, then at every step."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 1.0, (2,))
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, first: float = 0.5, then: float = 0.5) -> None:
+        self._first, self._then = first, then
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        return np.array([0.5, self._first]), {}
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        return np.array([0.5, self._then]), 0.0, False, False, {}
+
+
+@pytest.fixture
+def unmeasured() -> Iterator[str]:
+    """The id of that environment."""
+    gymnasium.register("Unmeasured-v0", entry_point=Unmeasured, disable_env_checker=True)
+    yield "Unmeasured-v0"
+    del gymnasium.registry["Unmeasured-v0"]
+
+
+@pytest.mark.parametrize("number", ["inf", "-inf", "nan"])
+def test_an_observation_that_is_no_number_is_refused_in_a_sentence(
+    here: Callable[..., Any], unmeasured: str, number: str
+) -> None:
+    words = f"the environment observed {number} in dimension 1, which is in no bin"
+    learn = ("train-sources", "gym", unmeasured, "--goal", "survived", "--tasks", 1, "--episodes", 2)
+    reset = here(*learn, "-q", "--set", f"first={number}")
+    assert (reset.code, reset.out) == (4, "")
+    assert words in reset.err
+    assert reset.err.count("\n") == 1
+    stepped = here(*learn, "--set", f"then={number}")
+    assert (stepped.code, stepped.out) == (3, "")  # it is the task that failed
+    assert f"task 0 failed, NotAllowed: {words}" in stepped.err
+
+
+def test_a_number_however_large_is_in_the_last_bin() -> None:
+    pole = POLE._seen
+    assert pole.state([0.0, 1.7e308, 0.0, 0.0]) == pole.state([0.0, 2.0, 0.0, 0.0])
+    assert pole.state([0.0, -1.7e308, 0.0, 0.0]) == pole.state([0.0, -2.0, 0.0, 0.0])
