@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,27 +14,33 @@ from qinit_cli.pictures.names import listed
 if TYPE_CHECKING:
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.lifetime import Lived
+    from store.catalog import Store
+    from store.reading import Artefact
 
 MOST = 6  # lines that can be told apart
 WINDOW = 20  # tasks of a running mean: single tasks differ by their distance to the goal
 
 
-def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEXT) -> Drawn:
-    """Return over the tasks' numbers, a line for each run, and sd(ln Q) where finished tasks were added."""
+def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, width: float = TEXT) -> Drawn:
+    """Return over the tasks' numbers, a line for each run, and sd(ln Q) where finished tasks were added.
+
+    What it was as fitted is that of the fit that the run names, in the store or beside the run; a note says where it is in neither.
+    """
     from qinit_cli.figures import lifetime as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
 
     if len(paths) > MOST:
         raise UsageError(f"{len(paths)} runs do not fit; draw at most {MOST}")
-    shown = [_lived(path) for path in paths]
+    notes: list[str] = []
+    shown = [_lived(path, store, notes) for path in paths]
     own = "returns of tasks that are learned one after another"
     with house_style():
         figure = drawing.lifetime(shown, own if title is None else title, WINDOW, width)
-    return Drawn(figure, title or own, _alt(shown))
+    return Drawn(figure, title or own, _alt(shown), tuple(dict.fromkeys(notes)))
 
 
-def _lived(path: Path) -> Lived:
+def _lived(path: Path, store: Store, notes: list[str]) -> Lived:
     import numpy as np
 
     from qinit_cli.analysis import returns
@@ -48,7 +55,23 @@ def _lived(path: Path) -> Lived:
         earned = returns.discounted_returns(artefact.read("steps"), reached, gamma).mean(axis=1)
         updated = "log_std" in {column.name for column in artefact.schema.columns}
         spread = artefact.read("log_std") if updated else np.empty(0)
-        return Lived(label, artefact.tasks + 1, earned, returns.smoothed(earned, WINDOW), spread)
+        fitted = _as_fitted(artefact, store, notes) if updated else float("nan")
+        return Lived(label, artefact.tasks + 1, earned, returns.smoothed(earned, WINDOW), spread, fitted)
+
+
+def _as_fitted(run: Artefact, store: Store, notes: list[str]) -> float:
+    """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
+    from qinit_cli.stages.knowledge import Knowledge
+    from qinit_cli.stages.lifelong import Known, log_std
+
+    [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]
+    for path in (store.root / "fits" / name, run.path.with_name(name)):
+        if path.exists() and (known := Knowledge.read(path)).content_sha256 == run.spec["inputs"][0]:
+            return log_std(Known.of(known.fit).log_q)
+    notes.append(
+        f"sd(ln Q) as fitted is not drawn: {name}, which {run.path} started from, is neither in {store.root} nor beside it"
+    )
+    return float("nan")
 
 
 def _alt(shown: Sequence[Lived]) -> str:
@@ -59,5 +82,7 @@ def _alt(shown: Sequence[Lived]) -> str:
         said = f"{each.label}: mean return {mean:.4f} over {len(each.earned)} tasks, {last:.4f} over the last"
         if len(each.spread):
             said += f", sd(ln Q) from {each.spread[0]:.3f} after the first task to {each.spread[-1]:.3f}"
+        if isfinite(each.fitted):
+            said += f", as fitted {each.fitted:.3f}"
         parts.append(said)
     return f"Return against the number of the task, running means of {WINDOW}. {listed(parts)}."

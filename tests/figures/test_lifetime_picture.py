@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
-from qinit_cli.figures.lifetime import SPREAD_LABEL
+from qinit_cli.figures.lifetime import FITTED_LABEL, SPREAD_LABEL
 
 Draw = Callable[..., Any]
 SHORT = ("--tasks", 4, "--episodes", 60, "-q")
@@ -36,18 +37,45 @@ def test_an_updated_lifetime_shows_how_the_spread_moves(drawn: Draw, here: Draw,
     arguments = ("lifelong", "logqinit-median", pipeline.fit, *SHORT)
     updated = here(*arguments, "--update", "--min-visits", 5).path
     frozen = here(*arguments).path
-    figure = drawn("lifetime", frozen, updated)
+    figure = drawn("lifetime", frozen, updated, "--store", pipeline.store)
     assert [text.get_text() for text in figure.legends[0].texts] == [
         "logqinit-median, gridworld-6-variance-2",
         "logqinit-median updated, gridworld-6-variance-2",
+        FITTED_LABEL,
     ]
     with h5py.File(updated) as file:
         spread = file["log_std"][...]
     earned, moved = figure.axes
     assert len(earned.lines) == 2
     assert moved.get_ylabel() == SPREAD_LABEL
-    [line] = moved.lines
+    line, fitted, _ = moved.lines  # the last is the legend's
     np.testing.assert_array_equal(line.get_ydata(), spread)
+    with h5py.File(pipeline.fit) as file:
+        known = file["sigma"][...][file["n"][...] > 0]
+    np.testing.assert_allclose(fitted.get_ydata(), np.median(known), rtol=1e-12)
+
+
+def test_a_fit_that_is_not_in_the_store_is_noted_and_the_rest_is_drawn(
+    here: Draw, pipeline: Any, tmp_path: Path
+) -> None:
+    updated = here("lifelong", "mean", pipeline.fit, *SHORT, "--update", "--min-visits", 5).path
+    elsewhere = here(
+        "plot", "lifetime", updated, "--store", tmp_path / "empty", "-o", tmp_path / "spread.png"
+    )
+    assert elsewhere.code == 0
+    assert f"as fitted is not drawn: {pipeline.fit.name}, which" in elsewhere.err
+
+
+def test_every_dot_is_whole_and_every_number_of_a_task_too(drawn: Draw, pipeline: Any) -> None:
+    figure = drawn("lifetime", pipeline.runs["mean"])
+    [axes] = figure.axes
+    [points] = axes.collections
+    assert not points.get_clip_on()
+    low, high = axes.get_xlim()
+    tasks = points.get_offsets()[:, 0]
+    assert low < tasks.min()
+    assert tasks.max() < high
+    assert all(tick == round(tick) for tick in axes.get_xticks())
 
 
 def test_too_many_lines_are_refused(here: Draw, pipeline: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
@@ -25,7 +27,8 @@ def add_to(plots: typer.Typer) -> None:
                 several=True,
             ),
         ),
-        help="Return against the number of the task, and the spread of ln Q where finished tasks were added (lifelong --update).",
+        help="Return against the number of the task; where finished tasks were added (lifelong --update), the spread of ln Q, "
+        "and what it was as fitted.",
     )
 
 
@@ -33,7 +36,8 @@ def lifetime(runs: list[str], picture: Picture, reading: Reading, display: Displ
     """Draws the picture and prints its path; a line for each run, in their order."""
     from qinit_cli.commands import references
     from qinit_cli.pictures import lifetime as pictures
+    from store.catalog import Store
 
-    path = USUAL.path(picture)
+    path, store = USUAL.path(picture), Store(Path(reading.store))
     paths = references.many(runs, reading.store)
-    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(paths, store, title=picture.title, width=USUAL.inches(picture)), path, display)
