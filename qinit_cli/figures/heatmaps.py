@@ -180,14 +180,16 @@ def _draw(
     axes.spines[:].set_linewidth(0.5)
     for axis, side in ((axes.xaxis, across), (axes.yaxis, upright)):
         if len(side.places) > 1:
-            _ticks(axis)
+            ticks(axis, side)
     return image
 
 
-def _ticks(axis: Axis) -> None:
+def ticks(axis: Axis, side: Side) -> None:
+    """A few numbers along the axis; whole ones where the places are cells, between which nothing stands."""
     from matplotlib.ticker import MaxNLocator
 
-    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    whole = bool((side.places % 1 == 0).all())
+    axis.set_major_locator(MaxNLocator(5 if whole else 4, steps=[1, 2, 2.5, 5, 10], integer=whole))
     plain_numbers(axis)
 
 

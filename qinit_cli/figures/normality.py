@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.errors import UsageError
-from qinit_cli.figures.heatmaps import ANY_SHAPE, Side
+from qinit_cli.figures.heatmaps import ANY_SHAPE, Side, ticks
 from qinit_cli.figures.style import COLUMN, TEXT, VALUE_COLOURS, folded, plain_numbers
 
 if TYPE_CHECKING:
@@ -114,7 +114,6 @@ def _ends(tested: Sequence[Map], norm: Normalize) -> Literal["neither", "both", 
 def _draw(axes: Axes, values: Floats, sides: tuple[Side, Side], norm: Normalize, colours: Any) -> AxesImage:
     import numpy as np
     from matplotlib.patches import Rectangle
-    from matplotlib.ticker import MaxNLocator
 
     upright, across = sides
     bottom, top = reversed(upright.ends) if upright.downwards else upright.ends
@@ -137,9 +136,8 @@ def _draw(axes: Axes, values: Floats, sides: tuple[Side, Side], norm: Normalize,
         )  # fmt: skip
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
-        plain_numbers(axis)
+    ticks(axes.xaxis, across)
+    ticks(axes.yaxis, upright)
     return image
 
 

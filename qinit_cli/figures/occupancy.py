@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.figures.heatmaps import ANY_SHAPE, Side
+from qinit_cli.figures.heatmaps import ANY_SHAPE, Side, ticks
 from qinit_cli.figures.style import COLUMN, TEXT, VALUE_COLOURS, folded, line_styles, plain_numbers
 
 if TYPE_CHECKING:
@@ -127,22 +127,20 @@ def _map(axes: Axes, each: Visits, norm: Any, sides: tuple[Side, Side], limits: 
         aspect="auto",
         interpolation="none",
     )
-    _frame(axes, upright, limits)
+    _frame(axes, sides, limits)
     return image
 
 
-def _frame(axes: Axes, upright: Side, limits: Any) -> None:
-    from matplotlib.ticker import MaxNLocator
-
+def _frame(axes: Axes, sides: tuple[Side, Side], limits: Any) -> None:
+    upright, across = sides
     vertical, horizontal = limits
     axes.set_xlim(*horizontal)
     axes.set_ylim(*(reversed(vertical) if upright.downwards else vertical))
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)
     axes.tick_params(length=2, pad=2)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
-        plain_numbers(axis)
+    ticks(axes.xaxis, across)
+    ticks(axes.yaxis, upright)
 
 
 def _outlines(axes: Axes, shown: Sequence[Visits], sides: tuple[Side, Side], limits: Any) -> None:
@@ -165,7 +163,7 @@ def _outlines(axes: Axes, shown: Sequence[Visits], sides: tuple[Side, Side], lim
             capstyle="projecting",
         )
         axes.add_collection(lines)
-    _frame(axes, upright, limits)
+    _frame(axes, sides, limits)
 
 
 def edges(inside: Flags, upright: Side, across: Side) -> Floats:

@@ -24,7 +24,7 @@ WINDOW = 20  # tasks of a running mean: single tasks differ by their distance to
 def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, width: float = TEXT) -> Drawn:
     """Return over the tasks' numbers, a line for each run, and sd(ln Q) where finished tasks were added.
 
-    What it was as fitted is that of the fit that the run names, in the store or beside the run; a note says where it is in neither.
+    What it was as fitted is that of the fit that the run names, in the store or beside it; a note says where that is missing.
     """
     from qinit_cli.figures import lifetime as drawing
     from qinit_cli.figures.drawn import Drawn

@@ -80,6 +80,27 @@ def test_rows_are_counted_in_cells_downwards_and_the_colours_have_their_unit(
     assert "(discounted return)" in bar.get_xlabel()
 
 
+@pytest.mark.parametrize(
+    ("places", "ticks"),
+    [
+        (np.arange(10.0), [0, 2, 4, 6, 8]),
+        (np.arange(30.0), [0, 10, 20]),
+        (np.arange(2.0), [0, 1]),
+        (np.arange(10) / 10 + 0.05, [0, 0.25, 0.5, 0.75, 1]),
+    ],
+    ids=["ten", "thirty", "two", "bins"],
+)
+def test_cells_are_numbered_by_whole_numbers_and_bins_need_not_be(places: Any, ticks: list[float]) -> None:
+    side = Side("place", places)
+    table = np.arange(len(places) ** 2.0).reshape(len(places), -1)
+    with house_style():
+        figure = heatmaps([Layer("value", {("a", "b"): table})], side, side, "", 3.5)
+    axes = figure.axes[0]
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        shown = [tick for tick in axis.get_ticklocs() if low - 1e-9 <= tick <= high + 1e-9]
+        np.testing.assert_allclose(shown, ticks, atol=1e-12)
+
+
 def test_panels_of_one_layer_share_their_colours(drawn: Draw, pipeline: Any) -> None:
     images = list(_images(drawn("heatmaps", pipeline.fit, "--bare")).values())
     assert len({image.norm for image in images}) == 1
