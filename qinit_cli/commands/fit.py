@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +59,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     made, arrays, asked = make_fit(path, fitting, output, provenance(path))
     names = {axis.name: axis.values for axis in asked.schema.axes}
     found = findings(arrays | names, asked.spec)
-    sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked.selection)
+    sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
     say_result(made, "qinit.fit/1", "\n".join([sentence, *lines(found)]), output, display)
 
@@ -219,7 +219,7 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
         left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
             f"{source.path} has {count} sources to fit{left_out} ({selection.unsolvable} cannot be solved, {selection.unlearned} "
-            f"were not learned); a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
+            f"{_unlearned(source.spec)}); a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
         )
     return selection
 
@@ -236,7 +236,8 @@ def _input(source: Artefact) -> dict[str, str]:
     return {"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}
 
 
-def _summary(arrays: dict[str, Any], selection: Selection) -> str:
+def _summary(arrays: dict[str, Any], asked: Asked) -> str:
+    selection = asked.selection
     unknown = int((arrays["n"] == 0).sum())
     masked = int(arrays["n_masked"].sum())
     sentence = (
@@ -246,5 +247,13 @@ def _summary(arrays: dict[str, Any], selection: Selection) -> str:
     if selection.unsolvable:
         sentence += f"; {selection.unsolvable} sources cannot be solved and are left out"
     if selection.unlearned:
-        sentence += f"; {selection.unlearned} could be solved but were not learned"
+        sentence += f"; {selection.unlearned} {_unlearned(asked.spec['sources'])}"
     return sentence
+
+
+def _unlearned(sources: Mapping[str, Any]) -> str:
+    """What is said, behind their number, of sources that could be solved but whose greedy path fails."""
+    if sources["learner"] == "exact":  # there was nothing to learn
+        horizon = sources["learning"]["horizon"]
+        return f"have a best policy that reaches the goal within {horizon} steps less than every other time"
+    return "could be solved but were not learned"
