@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Floats
 
+LONGEST = 10  # letters of a number that a name has in full: names of stored artefacts do not change
+
 
 @dataclass(frozen=True)
 class MixtureGridworld(SlipperyGrid):
@@ -57,7 +59,7 @@ class MixtureGridworld(SlipperyGrid):
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
         means = "-and-".join(f"{part.row:g}-{part.column:g}" for _, part in self._parts())
-        weights = "" if self.weights == "1" else f"-weights-{self.weights.replace(',', '-')}"
+        weights = "" if self.weights == "1" else f"-weights-{'-'.join(map(_short, self.weights.split(',')))}"
         return self._label(f"at-{means}-variance-{self.variances.replace(',', '-')}{weights}")
 
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
@@ -121,6 +123,11 @@ def _number(name: str, text: str) -> float:
     if not 0 <= number < float("inf"):
         raise ValueError(f"--{name} has {text.strip()}; a number there is finite and at least 0")
     return number
+
+
+def _short(text: str) -> str:
+    """A number as it stands in a name: thirds, of twelve digits, by three of them."""
+    return text if len(text) <= LONGEST else f"{float(text):.3g}"
 
 
 def _told(numbers: list[float]) -> str:

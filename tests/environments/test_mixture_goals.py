@@ -94,6 +94,24 @@ def test_what_is_stored_gives_the_family_back() -> None:
 
 
 @pytest.mark.parametrize(
+    ("weights", "named"),
+    [
+        ("1,2", "0.333-0.667"),
+        ("1,3", "0.25-0.75"),
+        ("1,127", "0.0078125-0.9921875"),  # as ever
+    ],
+)
+def test_a_weight_of_twelve_digits_stands_in_names_by_three_and_in_full_in_what_is_stored(
+    weights: str, named: str
+) -> None:
+    family = MixtureGridworld(weights=weights)
+    assert family.label == f"mixture-gridworld-at-10-10-and-20-20-variance-7-weights-{named}"
+    first, second = map(float, weights.split(","))
+    stored = [float(share) for share in family.weights.split(",")]
+    np.testing.assert_allclose(stored, [first / (first + second), second / (first + second)], rtol=1e-11)
+
+
+@pytest.mark.parametrize(
     ("settings", "sentence"),
     [
         ({"means": "10"}, "--means has '10'; write ROW:COLUMN"),
