@@ -235,5 +235,5 @@ def test_the_page_about_plug_ins_shows_the_example_as_it_is() -> None:
         path.read_text().rstrip()
         for path in (EXAMPLE / "pyproject.toml", *EXAMPLE.rglob("qinit_corridor/*.py"))
     ]
-    assert len(shown) == 4
+    assert len(shown) == 5
     assert [block for block in shown if block not in files] == []
