@@ -109,18 +109,19 @@ def tune(
     """Tries every combination on the sources, keeps how each fared, and prints it."""
     from qinit_cli.commands import references
     from qinit_cli.commands.making import make
+    from qinit_cli.environments import family_of
     from qinit_cli.stages.tuning import Choice
     from store.reading import open_artefact
 
     path = references.one(sources, keeping.store, "qinit_cli.kernels.batch")
     method, values = _asked(kind, grid, several, fixed)
-    tried = _candidates(method, values)
     as_json = tabular.chosen == "json"
     output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)
     work = Work(jobs=rehearsing.jobs)
     with open_artefact(path, "sources") as source:
+        tried = _candidates(method.on(family_of(source.spec)), values)
         rehearsal = _rehearsal(source, tried, rehearsing)
-        plan = _plan(source, rehearsal, values)
+        plan = _plan(source, method, rehearsal, values)
         if keeping.dry_run:
             _say_expected(plan, rehearsal, output, work, display)
             return
@@ -172,7 +173,7 @@ def _candidates(method: Method, values: Grid) -> list[Method]:
     return tried
 
 
-def _plan(source: Artefact, rehearsal: Rehearsal, values: Grid) -> Plan:
+def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
@@ -181,14 +182,14 @@ def _plan(source: Artefact, rehearsal: Rehearsal, values: Grid) -> Plan:
 
     family, tried = rehearsal.targets.family, rehearsal.candidates
     spec = specs.tuning(
-        tried[0], values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
+        method, values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
     )
     return Plan(
-        stem=f"{family.label}-{tried[0].name}-{source.task_count}",
+        stem=f"{family.label}-{method.name}-{source.task_count}",
         spec=spec,
         schema=tuning_schema(tuple(values), len(tried)),
         learn=rehearsal,
-        compiled=f"{family.name}-targets-{tried[0].name}",
+        compiled=f"{family.name}-targets-{method.name}",
         what=f"{len(tried)} candidates",
         read=source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],

@@ -6,7 +6,7 @@ between them without a model: docs/posterior.md derives the evidence, its scale 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
@@ -20,9 +20,18 @@ if TYPE_CHECKING:
     from qinit_cli.methods.targets import Targets
 
 
-# In variances, for centred and for bounded evidence. Where states are Markov an error that a table does not expect is evidence
-# however large: its own goal was passed, or the target's found. Elsewhere bins hide part of the state, and true tables err too.
-CAPS = {"centred": 200.0, "bounded": 5.0}
+@dataclass(frozen=True)
+class Weighing:
+    """How fast a kind of evidence moves the weights."""
+
+    temperature: float
+    freeze: int  # goals
+    cap: float  # variances
+
+
+# Where states are Markov an error that a table does not expect is evidence however large: its own goal was passed, or the
+# target's found. Elsewhere bins hide part of the state, and true tables err too: much cooler evidence, of many more goals.
+WEIGHING = {"centred": Weighing(0.05, 3, 200.0), "bounded": Weighing(0.01, 30, 5.0)}
 
 
 @dataclass(frozen=True)
@@ -34,10 +43,11 @@ class Posterior(Method):
         "Squared TD errors less what the source itself has (centred), or as they are, each step's much bounded; by-family: "
         "centred where the table's states are Markov.",
     )
-    temperature: float = option(
-        0.05,
+    temperature: float | None = option(
+        None,
         "Factor of the evidence: 0 leaves all weights equal.",
         low=0,
+        default_text="0.05 if centred, else 0.01",
         grid=(0.0, 0.0005, 0.002, 0.01, 0.05, 0.2),
     )
     floor: float = option(0.01, "Least standard deviation of a TD error, above 0.", low=1e-9)
@@ -48,10 +58,11 @@ class Posterior(Method):
         low=0,
         default_text="200 if centred, else 5",
     )
-    freeze: int = option(
-        3,
+    freeze: int | None = option(
+        None,
         "Goals reached after which the weights stay; 0: they never freeze.",
         low=0,
+        default_text="3 if centred, else 30",
         grid=(
             1,
             3,
@@ -77,11 +88,20 @@ class Posterior(Method):
     formula: ClassVar[str] = "sum_i w_i Q_i, ln w_i = -temperature sum of z_i^2 over the target's own steps"
 
     def on(self, family: Family) -> Posterior:
-        """With the evidence that suits the family, and its cap."""
-        evidence = self.evidence
-        if evidence == "by-family":
-            evidence = "centred" if family.tabular else "bounded"
-        return replace(self, evidence=evidence, cap=CAPS[evidence] if self.cap is None else self.cap)
+        """With the evidence that suits the family, and what suits that."""
+        evidence = self._evidence(family)
+        return replace(self, evidence=evidence, **asdict(self._weighing(evidence)))
+
+    def _evidence(self, family: Family) -> Literal["centred", "bounded"]:
+        if self.evidence == "by-family":
+            return "centred" if family.tabular else "bounded"
+        return self.evidence
+
+    def _weighing(self, evidence: str) -> Weighing:
+        given = {
+            name: value for name in asdict(WEIGHING[evidence]) if (value := getattr(self, name)) is not None
+        }
+        return replace(WEIGHING[evidence], **given)
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """The mean of the tables under equal weights, (S, A), NaN where none of them knows."""
@@ -97,16 +117,14 @@ class Posterior(Method):
 
         from qinit_cli.kernels.posterior import Hypotheses
 
-        rules = self.on(family)
+        evidence = self._evidence(family)
         return Hypotheses(
             q=np.clip(fit.library_q[: self.library], 0.0, LARGEST_RETURN),
             td_var=fit.library_td_var[: self.library],
-            temperature=self.temperature,
+            **asdict(self._weighing(evidence)),
             floor=self.floor,
             excess=self.excess,
-            cap=CAPS[rules.evidence] if rules.cap is None else rules.cap,
-            freeze=self.freeze,
             threshold=self.threshold,
             geometric=self.mixing == "geometric",
-            centred=rules.evidence == "centred",
+            centred=evidence == "centred",
         )

@@ -249,9 +249,10 @@ def with_parameters(method: Method, parameters: dict[str, float]) -> Method:
     """The method with these parameters, whole numbers where it takes whole numbers; ValueError for one that cannot be."""
     hints, given = get_type_hints(type(method)), dict[str, float]()
     for name, value in parameters.items():
-        if hints[name] is int and not float(value).is_integer():
+        whole = hints[name] in (int, int | None)
+        if whole and not float(value).is_integer():
             raise ValueError(f"{flag(name)} is {value:g}; it must be a whole number")
-        given[name] = int(value) if hints[name] is int else float(value)
+        given[name] = int(value) if whole else float(value)
     return replace(method, **given)  # type: ignore[type-var]  # every concrete method is a dataclass
 
 

@@ -325,6 +325,17 @@ def test_posterior_starts_from_the_librarys_mean_over_those_that_know(mixing: An
     assert initial.filled == (LIBRARY.max(axis=0) == 0).sum() > 0
 
 
+def test_posteriors_evidence_is_cooler_and_of_more_goals_where_the_table_hides_part_of_the_state() -> None:
+    names = ("evidence", "temperature", "freeze", "cap")
+    told = [
+        tuple(getattr(Posterior().on(family), name) for name in names)
+        for family in (Gridworld(), MountainCar())
+    ]
+    assert told == [("centred", 0.05, 3, 200.0), ("bounded", 0.01, 30, 5.0)]
+    given = Posterior(evidence="bounded", freeze=0, temperature=0.2).on(Gridworld())
+    assert tuple(getattr(given, name) for name in names) == ("bounded", 0.2, 0, 5.0)
+
+
 def test_posterior_weighs_the_first_tables_of_the_library_by_its_own_rules() -> None:
     method = Posterior(library=1, temperature=0.3, floor=0.2, excess=1.0, freeze=7, threshold=0.01)
     initial = _initial(method)
