@@ -95,7 +95,7 @@ def _line(label: str, found: Sequence[Candidate], along: str, places: dict[float
 
 def _told(value: float) -> str:
     """As it is read on an axis: six digits at most."""
-    return f"{value:.3g}" if value != int(value) else f"{value:.0f}".replace("-", MINUS)
+    return f"{value:.6g}".replace("-", MINUS)
 
 
 def _alt(choice: Choice) -> str:

@@ -61,6 +61,13 @@ def test_one_parameter_is_a_line_of_gains_over_the_default_in_the_order_of_its_v
     assert axes.get_xlabel() == "kappa"
 
 
+def test_values_that_differ_in_their_fourth_digit_are_told_apart(
+    drawn: Draw, tuned: Callable[..., Path]
+) -> None:
+    [axes] = drawn("tuning", tuned("--rho", "0.9995,0.9999,1", "--nu", "0.98")).axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.99", "0.9995", "0.9999", "1"]
+
+
 def test_the_default_and_the_choice_are_marked(drawn: Draw, tuning: Path) -> None:
     [axes] = drawn("tuning", tuning).axes
     gains = _gains(tuning)
