@@ -117,7 +117,7 @@ def _fitted(known: str, output: Output, display: Display) -> Path:
     from qinit_cli.fitted import FitOptions
     from store.reading import describe
 
-    path = references.one(known, output.store, "qinit_cli.kernels.batch")
+    path = references.one(known, output.store, references.LEARNING)
     if describe(path).kind != "sources":
         return path
     if output.dry_run:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from store.catalog import Store
 
 
+LEARNING = "qinit_cli.kernels.batch"  # a slow module that whatever learns needs: Numba comes with it
+
+
 def many(references: list[str], store: str, *needed: str) -> list[Path]:
     """The paths that the references lead to, in order; stdin is read only for an explicit `-`.
 

@@ -174,7 +174,7 @@ def transfer(
     from qinit_cli.commands.optimal_tables import OptimalTables
     from qinit_cli.stages.knowledge import Knowledge
 
-    known = Knowledge.read(references.one(fit, output.store, "qinit_cli.kernels.batch"))
+    known = Knowledge.read(references.one(fit, output.store, references.LEARNING))
     method, choice = tuned.applied(method, output.store, known.family)
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)

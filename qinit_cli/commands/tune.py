@@ -113,7 +113,7 @@ def tune(
     from qinit_cli.stages.tuning import Choice
     from store.reading import open_artefact
 
-    path = references.one(sources, keeping.store, "qinit_cli.kernels.batch")
+    path = references.one(sources, keeping.store, references.LEARNING)
     method, values = _asked(kind, grid, several, fixed)
     as_json = tabular.chosen == "json"
     output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -456,7 +456,7 @@ def _seen(
     first = 0 if lows else int(env.observation_space.start)
     seen = Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first)
     resets = [seen.state(env.reset(seed=seed)[0]) for seed in range(RESETS)]
-    return Seen(shape, actions, tabled, lows, highs, np.array(resets, np.int64), first)
+    return replace(seen, resets=np.array(resets, np.int64))
 
 
 def _grid(env: Any) -> tuple[int, ...]:

@@ -15,12 +15,8 @@ if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Flags, Integers
 
-ALONE, SEVERAL, MOST, KEY = (
-    2.5,
-    1.9,
-    7.8,
-    0.17,
-)  # inches: a row of panels alone, one of several, all; a line of the legend
+# inches: a row of panels alone, one of several, all; a line of the legend
+ALONE, SEVERAL, MOST, KEY = 2.5, 1.9, 7.8, 0.17
 APART, SPREAD = 0.06, 0.5  # of the distance between values: from line to line, and all lines at most
 DEFAULT: dict[str, Any] = {"marker": "o", "markersize": 10, "markerfacecolor": "none", "color": "black"}
 CHOSEN: dict[str, Any] = {"marker": "*", "markersize": 7, "markeredgewidth": 0, "color": "black"}

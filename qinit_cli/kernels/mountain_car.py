@@ -282,7 +282,7 @@ def _learn_in_eight(
             else:
                 actions[lane] = ACTIONS[followed(choosing, first + lane, choice, tied, cells[lane])]
         if gusts is not None:
-            eta = load_reals(gusts, first * BLOCK + step * EIGHT)
+            eta = load_reals(gusts, _gust_place(first, step))
         position, velocity = roll(position, velocity, _pushes(actions) + gravity, eta, hill)
         done = is_done(position, velocity)
         store_whole(afters, 0, chosen(done, goal, bin_of(position, velocity, bins)))

@@ -24,9 +24,8 @@ from qinit_cli.kernels.lane import ROW, WORTH, make_terminal
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
 
 NEVER = -1  # episode after which weights froze, where they never did
-LEAST = (
-    -600.0
-)  # ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
+# ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
+LEAST = -600.0
 
 
 @dataclass(frozen=True)

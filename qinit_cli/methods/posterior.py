@@ -63,12 +63,8 @@ class Posterior(Method):
         "Goals reached after which the weights stay; 0: they never freeze.",
         low=0,
         default_text="3 if centred, else 30",
-        grid=(
-            1,
-            3,
-            30,
-            300,
-        ),  # with the temperature: cooler evidence needs more goals, and neither alone gains
+        # with the temperature: cooler evidence needs more goals, and neither alone gains
+        grid=(1, 3, 30, 300),
     )
     threshold: float = option(
         0.05, "Movement of the weights, summed over sources, at which the table follows.", low=0, high=2

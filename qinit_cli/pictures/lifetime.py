@@ -63,9 +63,10 @@ def _as_fitted(run: Artefact, store: Store, notes: list[str]) -> float:
     """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
     from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.lifelong import Known, log_std
+    from store.catalog import FOLDERS
 
     [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]
-    for path in (store.root / "fits" / name, run.path.with_name(name)):
+    for path in (store.root / FOLDERS["fit"] / name, run.path.with_name(name)):
         if path.exists() and (known := Knowledge.read(path)).content_sha256 == run.spec["inputs"][0]:
             return log_std(Known.of(known.fit).log_q)
     notes.append(

@@ -140,9 +140,8 @@ class Choice:
     sources: int  # that were tried
     candidates: list[Candidate]  # by their parameters
     worth: Worth  # of choosing
-    edges: dict[
-        str, End
-    ]  # the parameters of the chosen one beyond which nothing was tried, though there is more
+    # the parameters of the chosen one beyond which nothing was tried, though there is more
+    edges: dict[str, End]
 
     @classmethod
     def of(cls, artefact: Artefact) -> Choice:
