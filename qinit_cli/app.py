@@ -29,7 +29,7 @@ from qinit_cli.commands import (
 )
 from qinit_cli.commands.build import add_later, option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
-from store.errors import StoreError, SystemFailed
+from qinit_store.errors import StoreError, SystemFailed
 
 HELP_WIDTH = 200  # of a command's line, wrapped where the terminal ends
 ORDER = (

@@ -27,7 +27,7 @@ from weakref import WeakValueDictionary
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.kernels.batch import Watch
 from qinit_cli.workforce import IN_FLIGHT, Careful, Outcome, batches, results
-from store.errors import SystemFailed
+from qinit_store.errors import SystemFailed
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -7,7 +7,7 @@
 
     Interrupted   130 or 143  a signal; what was learned is kept
 
-The store has its own tree (store.errors) with codes of the same meaning.
+The store has its own tree (qinit_store.errors) with codes of the same meaning.
 """
 
 from __future__ import annotations

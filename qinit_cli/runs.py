@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _parameters(spec: dict[str, Any]) -> list[str]:
 
 def _target_digest(spec: dict[str, Any], drawn: Sequence[NDArray[Any]]) -> str:
     """SHA-256 of what makes targets the same to every method: the draws, the dice's seed, and how a return is counted."""
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     met = {name: spec["learning"][name] for name in ("gamma", "episodes", "horizon", "start")}
     digest = hashlib.sha256(canonical_json([spec["family"], spec["seed"], met]).encode())

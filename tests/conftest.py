@@ -160,8 +160,8 @@ def hostile_run(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) ->
     """A run whose label, command and settings are markup, as whoever wrote the file by hand could have it."""
     import numpy as np
 
-    from store.reading import open_artefact
-    from store.work import open_work
+    from qinit_store.reading import open_artefact
+    from qinit_store.work import open_work
 
     label = "<script>alert(1)</script><img src=x onerror=alert(1)>"
     path = tmp_path_factory.mktemp("hostile") / "hostile.h5"

@@ -23,9 +23,9 @@ from qinit_cli.seeding import Stream
 from qinit_cli.stages.fit import Selection, fit
 from qinit_cli.stages.sources import SourceTasks, learn_sources
 from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
-from store.reading import open_artefact
-from store.schema import Axis, run_schema
-from store.work import open_work
+from qinit_store.reading import open_artefact
+from qinit_store.schema import Axis, run_schema
+from qinit_store.work import open_work
 
 LAKE = {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]}
 POLE = {

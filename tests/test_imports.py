@@ -1,4 +1,4 @@
-"""Imports point one way: app -> commands -> stages -> methods -> environments -> kernels, and qinit_cli -> store."""
+"""Imports point one way: app -> commands -> stages -> methods -> environments -> kernels, and qinit_cli -> qinit_store."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-OURS = ("qinit_cli", "store")
+OURS = {"qinit_cli": ROOT, "qinit_store": ROOT / "store"}  # package -> the folder it stands in
 HEAVY = {"numpy", "scipy", "h5py", "numba", "matplotlib", "pandas", "dask"}
 LAYERS = (  # from the top; a file imports from its own layer and those below
     ("qinit_cli.__main__",),
@@ -28,9 +28,9 @@ LAYERS = (  # from the top; a file imports from its own layer and those below
 
 def _modules() -> dict[str, Path]:
     found = {}
-    for top in OURS:
-        for path in sorted((ROOT / top).rglob("*.py")):
-            parts = path.relative_to(ROOT).with_suffix("").parts
+    for top, folder in OURS.items():
+        for path in sorted((folder / top).rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
 
@@ -79,7 +79,7 @@ def _layer(module: str) -> int | None:
 
 
 def test_the_modules_are_found() -> None:
-    assert {"qinit_cli.app", "qinit_cli.kernels.gridworld", "store.work"} <= MODULES.keys()
+    assert {"qinit_cli.app", "qinit_cli.kernels.gridworld", "qinit_store.work"} <= MODULES.keys()
 
 
 @pytest.mark.parametrize("module", [module for module in MODULES if _layer(module) is not None])
@@ -89,14 +89,14 @@ def test_no_layer_imports_one_above_it(module: str) -> None:
     assert not above
 
 
-@pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("store",))])
+@pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("qinit_store",))])
 def test_the_store_imports_nothing_of_ours_and_numpy_and_h5py_alone(module: str) -> None:
     foreign = {
         name.partition(".")[0]
         for name in _everything(module)
         if name.partition(".")[0] not in sys.stdlib_module_names
     }
-    assert foreign <= {"store", "numpy", "h5py"}
+    assert foreign <= {"qinit_store", "numpy", "h5py"}
 
 
 @pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("qinit_cli.kernels",))])
@@ -110,7 +110,7 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
         "qinit_cli.environments",
         "qinit_cli.analysis",
         "qinit_cli.figures",
-        "store",
+        "qinit_store",
     )
     assert not {name for name in _everything(module) if _under(name, others)}
 
@@ -119,7 +119,7 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
     "module", [module for module in MODULES if _under(module, ("qinit_cli.analysis", "qinit_cli.figures"))]
 )
 def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> None:
-    others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.pictures", "qinit_cli.stages", "store")
+    others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.pictures", "qinit_cli.stages", "qinit_store")
     assert not {name for name in _everything(module) if _under(name, others)}
 
 

@@ -156,7 +156,7 @@ def add_each(
 
 def _artefact_names(context: typer.Context, arguments: list[str], incomplete: str) -> list[str]:
     """Names in the store that begin so, for the shell's completion."""
-    from store.catalog import Store
+    from qinit_store.catalog import Store
 
     root = context.params.get("store") or os.environ.get("QINIT_STORE", "qinit-store")
     return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]

@@ -13,7 +13,7 @@ import typer
 from qinit_cli import __version__
 from qinit_cli.commands.build import add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
-from store.errors import SystemFailed
+from qinit_store.errors import SystemFailed
 
 
 def add_to(app: typer.Typer) -> None:

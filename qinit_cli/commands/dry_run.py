@@ -90,8 +90,8 @@ def _saved(path: Path, plan: Plan, root: Path, *, share: bool) -> int:
 
     A share takes over from no artefact but its own.
     """
-    from store.catalog import Store
-    from store.folder import tasks_saved, work_folder
+    from qinit_store.catalog import Store
+    from qinit_store.folder import tasks_saved, work_folder
 
     relatives = Store(root).relatives(plan.schema.kind, plan.spec)
     finished = [one.tasks for one in relatives if not share or one.path == path]
@@ -111,9 +111,9 @@ def _compression(trial: Plan, rows: dict[str, Any]) -> float:
     """Bytes on disk over bytes in memory."""
     import numpy as np
 
-    from store.digest import task_digests
-    from store.encoding import Header, checked, image
-    from store.schema import Schema
+    from qinit_store.digest import task_digests
+    from qinit_store.encoding import Header, checked, image
+    from qinit_store.schema import Schema
 
     columns_per_task = trial.schema.task_columns
     used = {name for column in columns_per_task for name in column.dims}

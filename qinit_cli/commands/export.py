@@ -23,7 +23,7 @@ from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
     from qinit_cli.stages.long_tables import Field
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 Format = Literal["csv", "parquet", "npz", "json"]
 TEXT = ("csv", "json")  # what may go to stdout
@@ -146,7 +146,7 @@ def _write_text(
 
 def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_formats.Opened, imported late
     """What gives the artefacts one by one, each open until the next is asked for."""
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     def opened() -> Iterator[Artefact]:
         for path in paths:

@@ -13,7 +13,7 @@ from qinit_cli.stages.long_tables import Field, rows
 from qinit_cli.stages.named_arrays import NamedArray, arrays
 
 if TYPE_CHECKING:
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 SCHEMA = "qinit.export/1"
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # what zip can say; the same arrays give the same bytes

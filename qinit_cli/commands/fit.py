@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from qinit_cli.commands.making import Made
     from qinit_cli.environments import Family
     from qinit_cli.stages.fit import Selection
-    from store.reading import Artefact
-    from store.schema import Schema
+    from qinit_store.reading import Artefact
+    from qinit_store.schema import Schema
 
 FEWEST_SOURCES = 2  # a spread needs two
 
@@ -46,7 +46,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.making import provenance, say_result, target_path
     from qinit_cli.stages.fit_findings import findings
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     path = references.one(sources, output.store, "scipy.special")
     if output.dry_run:
@@ -84,7 +84,7 @@ class Asked:
 def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[str, Any]]:
     """Where the fit of the sources at `path` goes, and its spec."""
     from qinit_cli.commands.making import target_path
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as source:
         asked = _asked(source, fitting)
@@ -98,8 +98,8 @@ def make_fit(
     """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
     from qinit_cli.commands.making import Made, Tally, target_path
     from qinit_cli.specs import plug_ins
-    from store.reading import describe, open_artefact
-    from store.work import open_work
+    from qinit_store.reading import describe, open_artefact
+    from qinit_store.work import open_work
 
     with open_artefact(path, "sources") as source:
         asked = _asked(source, fitting)
@@ -163,8 +163,8 @@ def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
 def _schema(family: Family, fitting: FitOptions, library: int) -> Schema:
     from qinit_cli.commands.train_sources import action_axis
     from qinit_cli.stages.fit_statistics import contents
-    from store.fit_statistics import fit_statistics
-    from store.schema import fit_schema
+    from qinit_store.fit_statistics import fit_statistics
+    from qinit_store.schema import fit_schema
 
     action = action_axis(family)
     state_action = (*(axis.name for axis in family.axes()), action.name)

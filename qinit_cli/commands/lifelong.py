@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from qinit_cli.commands.making import Made, Plan
     from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
-    from store.work import Work as StoreWork
+    from qinit_store.work import Work as StoreWork
 
 MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
 
@@ -115,7 +115,7 @@ def _fitted(known: str, output: Output, display: Display) -> Path:
     from qinit_cli.commands.fit import make_fit
     from qinit_cli.commands.making import provenance
     from qinit_cli.fitted import FitOptions
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     path = references.one(known, output.store, references.LEARNING)
     if describe(path).kind != "sources":
@@ -196,7 +196,7 @@ def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitt
 def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
     from qinit_cli.stages.lifelong import Known, log_std
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
         added, spread = artefact.read("added"), artefact.read("log_std")

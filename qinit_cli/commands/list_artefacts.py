@@ -13,7 +13,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
-    from store.reading import Description
+    from qinit_store.reading import Description
 
 UNFINISHED = "unfinished"
 
@@ -59,7 +59,7 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     from pathlib import Path
 
     from qinit_cli.commands.tables import TableColumn, print_table
-    from store.catalog import Store
+    from qinit_store.catalog import Store
 
     entries = [entry for entry in Store(Path(reading.store)).entries() if listing.wanted(entry)]
     for_people = tabular.chosen == "table"

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.kernels.batch import Watch
     from qinit_cli.workforce import Crew, Learn
-    from store.schema import Schema
-    from store.work import Work as StoreWork
+    from qinit_store.schema import Schema
+    from qinit_store.work import Work as StoreWork
 
     Rows = dict[str, Any]
 
@@ -86,8 +86,8 @@ class Made:
 
 def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar = Progress) -> Made:
     """The artefact, with the tasks learned that it lacks. Interrupted after a signal: what was finished is saved."""
-    from store.reading import describe
-    from store.work import open_work
+    from qinit_store.reading import describe
+    from qinit_store.work import open_work
 
     path, asked = place(plan, output, work), share_of(plan.count, *work.share)
     origin = provenance(plan.read, plan.command, plan.spec)
@@ -122,7 +122,7 @@ def share_of(count: int, share: int, shares: int) -> Integers:
 def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -> Path:
     """Where the artefact goes: as asked with -o, else a name in the store made of what it is."""
     if output.output is None:
-        from store.catalog import Store
+        from qinit_store.catalog import Store
 
         return Store(Path(output.store)).path_for(kind, stem[:LONGEST_STEM].rstrip("-._"), spec)
     path = Path(output.output)
@@ -166,7 +166,7 @@ def _surroundings() -> dict[str, str]:
 
 def plug_ins_behind(path: Path) -> dict[str, str]:
     """The plug-ins that an artefact was made with, as its provenance tells them."""
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     origin = describe(path).provenance
     return {key: str(value) for key, value in origin.items() if key.startswith(PLUG_IN)}
@@ -174,9 +174,9 @@ def plug_ins_behind(path: Path) -> dict[str, str]:
 
 def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:
     """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
-    from store.catalog import Store
-    from store.errors import Damaged, Refused
-    from store.reading import open_artefact
+    from qinit_store.catalog import Store
+    from qinit_store.errors import Damaged, Refused
+    from qinit_store.reading import open_artefact
 
     for relative in Store(Path(output.store)).relatives(plan.schema.kind, plan.spec):
         before = len(artefact.saved)

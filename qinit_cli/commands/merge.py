@@ -34,8 +34,8 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     from qinit_cli.commands import references
     from qinit_cli.commands.making import plug_ins_behind, provenance
     from qinit_cli.commands.rewriting import say_written
-    from store.mend import merge as join
-    from store.reading import describe
+    from qinit_store.mend import merge as join
+    from qinit_store.reading import describe
 
     paths = references.many(artefacts, rewriting.store)
     whole = SHARE.sub("", paths[0].name)

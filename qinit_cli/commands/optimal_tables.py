@@ -46,7 +46,7 @@ class OptimalTables:
         from qinit_cli.commands.making import make
         from qinit_cli.commands.train_sources import plan_of
         from qinit_cli.stages.sources import SourceTasks
-        from store.reading import open_artefact
+        from qinit_store.reading import open_artefact
 
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")

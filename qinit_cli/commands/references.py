@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from qinit_cli.errors import NotAllowed, UsageError
 
 if TYPE_CHECKING:
-    from store.catalog import Store
+    from qinit_store.catalog import Store
 
 
 LEARNING = "qinit_cli.kernels.batch"  # a slow module that whatever learns needs: Numba comes with it
@@ -21,7 +21,7 @@ def many(references: list[str], store: str, *needed: str) -> list[Path]:
 
     `needed` are slow modules that the command will need: while the stage before is still at work, they are imported.
     """
-    from store.catalog import Store
+    from qinit_store.catalog import Store
 
     if "-" in references:
         for module in needed:
@@ -46,7 +46,7 @@ def one(reference: str, store: str, *needed: str) -> Path:
 
 def _resolved(name: str, store: Store) -> Path:
     """The artefact's path; NotFound says how to go on with one that is unfinished."""
-    from store.errors import NotFound
+    from qinit_store.errors import NotFound
 
     try:
         return store.resolve(name)

@@ -44,7 +44,7 @@ def say_written(
     path: Path, schema: str, told: dict[str, Any], sentence: str, rewriting: Rewriting, display: Display
 ) -> None:
     """The sentence on stderr, then the path alone on a line, or one JSON object, on stdout."""
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     note(display, sentence)
     if rewriting.json:

@@ -26,8 +26,8 @@ def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     from qinit_cli.commands import references
     from qinit_cli.commands.making import provenance
     from qinit_cli.commands.rewriting import say_written
-    from store.mend import salvage as mend
-    from store.reading import describe
+    from qinit_store.mend import salvage as mend
+    from qinit_store.reading import describe
 
     path = references.one(artefact, rewriting.store)
     target = rewriting.target(path, f"{path.stem}-salvaged.h5")

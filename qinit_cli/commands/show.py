@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from qinit_cli.stages.show import Shown
-    from store.reading import Artefact
-    from store.schema import Axis
+    from qinit_store.reading import Artefact
+    from qinit_store.schema import Axis
 
 SCHEMA = "qinit.show/1"
 LISTED = 12  # labels of an axis that are listed one by one
@@ -41,7 +41,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_cli.stages import show as stage
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
         _say_compiling(opened, display)

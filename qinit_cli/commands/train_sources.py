@@ -146,7 +146,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
 
 
 def _schema(tasks: SourceTasks) -> Any:
-    from store.schema import sources_schema
+    from qinit_store.schema import sources_schema
 
     return sources_schema(
         tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins
@@ -157,7 +157,7 @@ def action_axis(family: Family) -> Any:
     """The axis of the family's actions, labelled by their names."""
     import numpy as np
 
-    from store.schema import Axis
+    from qinit_store.schema import Axis
 
     return Axis("action", np.array(family.actions, dtype="S"), "", "action")
 
@@ -207,7 +207,7 @@ def _learned(path: Path, tasks: SourceTasks) -> tuple[Integers, Flags, Floats]:
     from qinit_cli.environments.family import draw_tasks
     from qinit_cli.seeding import Stream
     from qinit_cli.stages.sources import relative_error
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
     entries = math.prod(family.shape) * len(family.actions)

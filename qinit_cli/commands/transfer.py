@@ -95,7 +95,7 @@ class Tuned:
             return method, []
         from qinit_cli.commands import references
         from qinit_cli.stages.tuning import settings
-        from store.reading import open_artefact
+        from qinit_store.reading import open_artefact
 
         with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
             name = artefact.spec["method"]["name"]
@@ -302,7 +302,7 @@ def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> N
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.commands.train_sources import action_axis
-    from store.schema import run_schema
+    from qinit_store.schema import run_schema
 
     family = targets.family
     return run_schema(
@@ -325,7 +325,7 @@ def _unsolvable(made: Made, targets: TargetTasks) -> int:
     """Targets that neither the family's own rule nor any episode solved: they stay, and are counted."""
     import numpy as np
 
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
         reached: Flags = np.asarray(artefact.read("reached").any(axis=1), np.bool_)

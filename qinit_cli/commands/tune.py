@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.commands.making import Made, Plan
     from qinit_cli.stages.tuning import Candidate, Choice, Grid, Rehearsal
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 SCHEMA = "qinit.tune/1"
 # with 100 sources a candidate takes 0.1 to 10 s of one core: hours where steps are dear
@@ -111,7 +111,7 @@ def tune(
     from qinit_cli.commands.making import make
     from qinit_cli.environments import family_of
     from qinit_cli.stages.tuning import Choice
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     path = references.one(sources, keeping.store, references.LEARNING)
     method, values = _asked(kind, grid, several, fixed)
@@ -178,7 +178,7 @@ def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) 
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.stages.tuning import parameters_of
-    from store.schema import tuning_schema
+    from qinit_store.schema import tuning_schema
 
     family, tried = rehearsal.targets.family, rehearsal.candidates
     spec = specs.tuning(
@@ -202,7 +202,7 @@ def _say_expected(plan: Plan, rehearsal: Rehearsal, output: Output, work: Work, 
     import numpy as np
 
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected
-    from store.schema import tuning_schema
+    from qinit_store.schema import tuning_schema
 
     count = len(rehearsal.candidates)
     some = np.unique(np.linspace(0, count - 1, TRIAL_CANDIDATES).astype(int))

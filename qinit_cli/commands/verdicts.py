@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.claims.verdict import Verdict
     from qinit_cli.commands.tables import TableColumn
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 DIGITS = 4
 PEOPLE = ("table", "markdown")  # forms that are read, not parsed
@@ -87,7 +87,7 @@ def verdicts(
 
 def opened(paths: list[Path]) -> Iterator[Artefact]:
     """The artefacts, one open at a time."""
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     for path in paths:
         with open_artefact(path) as artefact:

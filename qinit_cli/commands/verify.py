@@ -10,7 +10,7 @@ from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 
 if TYPE_CHECKING:
-    from store.verify import Verdict
+    from qinit_store.verify import Verdict
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,7 +31,7 @@ def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Di
     """Prints one row per artefact; Damaged for the first that does not hold, once all were read."""
     from qinit_cli.commands import references
     from qinit_cli.commands.tables import TableColumn, print_table
-    from store.verify import verify as examine
+    from qinit_store.verify import verify as examine
 
     verdicts = [examine(path) for path in references.many(artefacts, reading.store)]
     columns = [

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Worlds
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 
 class Family(Protocol):

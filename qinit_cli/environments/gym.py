@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Worlds
     from qinit_cli.kernels.tables import Tables
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 DEFAULT_BINS = 10
 UNBOUNDED = 1e6  # a bound beyond it is none
@@ -144,7 +144,7 @@ class Gym(TableFamily):
         """The numbered state, its row and column where the environment is a grid, or the dimensions by their bins' centres."""
         import numpy as np
 
-        from store.schema import Axis
+        from qinit_store.schema import Axis
 
         seen = self._seen
         if seen.lows:
@@ -165,7 +165,7 @@ class Gym(TableFamily):
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: what is varied."""
-        from store.schema import Column
+        from qinit_store.schema import Column
 
         return tuple(
             Column(

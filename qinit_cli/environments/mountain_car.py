@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Flags, Floats, Tasks
     from qinit_cli.kernels.batch import Worlds
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 POSITIONS = (-1.2, 0.6)
 VELOCITIES = (-0.07, 0.07)
@@ -91,7 +91,7 @@ class MountainCar:
 
     def axes(self) -> tuple[Axis, ...]:
         """The state axes: position and velocity, by the bins' centres."""
-        from store.schema import Axis
+        from qinit_store.schema import Axis
 
         return (
             Axis("position", self._centres(*POSITIONS), "1", "position at the bin's centre"),
@@ -112,7 +112,7 @@ class MountainCar:
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: its push."""
-        from store.schema import Column
+        from qinit_store.schema import Column
 
         return (Column("eta", ("task",), "<f8", "1", "push on the right hill, added to the position"),)
 

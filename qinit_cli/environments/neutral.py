@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Tasks
     from qinit_cli.kernels.batch import Worlds
     from qinit_cli.kernels.tables import Tables
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 EXACT_TOLERANCE = 1e-12  # on V
 LIKELY = 0.5  # a policy has solved a task that reaches the goal at least so often

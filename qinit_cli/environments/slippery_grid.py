@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Worlds
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 EXACT_TOLERANCE = 1e-12  # on V
 START = 0  # where target tasks start: the cell (0, 0)
@@ -65,14 +65,14 @@ class SlipperyGrid:
         """The state axes: row and column."""
         import numpy as np
 
-        from store.schema import Axis
+        from qinit_store.schema import Axis
 
         cells = np.arange(self.size, dtype=np.int32)
         return (Axis("row", cells, "1", "grid row"), Axis("col", cells, "1", "grid column"))
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: its goal and the chance that a move goes where it was meant to."""
-        from store.schema import Column
+        from qinit_store.schema import Column
 
         return (
             Column("goal_row", ("task",), "<i4", "1", "row of the goal"),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.kernels.tables import Tables
-    from store.schema import Axis, Column
+    from qinit_store.schema import Axis, Column
 
 DIRECTIONS = ("up", "down", "left", "right")
 
@@ -76,14 +76,14 @@ class WindyGridworld(TableFamily):
         """The state axes: row and column."""
         import numpy as np
 
-        from store.schema import Axis
+        from qinit_store.schema import Axis
 
         cells = np.arange(self.size, dtype=np.int32)
         return (Axis("row", cells, "1", "grid row"), Axis("col", cells, "1", "grid column"))
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: the strength of its wind, and where it blows to."""
-        from store.schema import Column
+        from qinit_store.schema import Column
 
         return (
             Column("wind", ("task",), "<f8", "1", "cells that the wind drifts the agent after each move"),

@@ -24,7 +24,7 @@ def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn
     from qinit_cli.figures import car as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
         family = family_of(artefact.spec, artefact.provenance)

@@ -12,7 +12,7 @@ from qinit_cli.pictures.names import distinct, distribution
 if TYPE_CHECKING:
     from qinit_cli.arrays import Tasks
     from qinit_cli.environments import Family
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 
 @dataclass
@@ -44,8 +44,8 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
     `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
     """
     from qinit_cli.environments import family_of
-    from store.reading import open_artefact
-    from store.spec import canonical_json
+    from qinit_store.reading import open_artefact
+    from qinit_store.spec import canonical_json
 
     found: dict[str, Distribution] = {}
     seen: dict[str, set[bytes]] = {}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from qinit_cli.environments import Family
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.histograms import Shown
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 MOST_STATES = {COLUMN: 2, TEXT: 4}  # that are legible side by side
 
@@ -32,7 +32,7 @@ def drawn(
     from qinit_cli.figures import histograms as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
         family = family_of(artefact.spec, artefact.provenance)

@@ -14,8 +14,8 @@ from qinit_cli.pictures.names import listed
 if TYPE_CHECKING:
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.lifetime import Lived
-    from store.catalog import Store
-    from store.reading import Artefact
+    from qinit_store.catalog import Store
+    from qinit_store.reading import Artefact
 
 MOST = 6  # lines that can be told apart
 WINDOW = 20  # tasks of a running mean: single tasks differ by their distance to the goal
@@ -46,7 +46,7 @@ def _lived(path: Path, store: Store, notes: list[str]) -> Lived:
     from qinit_cli.analysis import returns
     from qinit_cli.environments import family_of
     from qinit_cli.figures.lifetime import Lived
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
         label = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"
@@ -63,7 +63,7 @@ def _as_fitted(run: Artefact, store: Store, notes: list[str]) -> float:
     """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
     from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.lifelong import Known, log_std
-    from store.catalog import FOLDERS
+    from qinit_store.catalog import FOLDERS
 
     [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]
     for path in (store.root / FOLDERS["fit"] / name, run.path.with_name(name)):

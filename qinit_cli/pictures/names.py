@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
     from qinit_cli.figures.heatmaps import Side
-    from store.schema import Axis
+    from qinit_store.schema import Axis
 
 METRIC_LABELS = {
     "return": "discounted return",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from qinit_cli.environments import Family
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.normality import Map, Words
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 UNBROKEN = "\N{NO-BREAK SPACE}"
 PREFIXES = {"values": "normality", "lengths": "eopl_normality"}
@@ -29,7 +29,7 @@ def drawn(
     from qinit_cli.figures import normality as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "fit") as artefact:
         family = family_of(artefact.spec["sources"], artefact.provenance)

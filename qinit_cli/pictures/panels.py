@@ -40,7 +40,7 @@ def read_panels(
 
     UsageError for methods that have no start in a fit; NotAllowed where an artefact does not hold what is asked for.
     """
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     chosen = _methods(methods)
     found: dict[str, Panels] = {}
@@ -117,7 +117,7 @@ def _table(path: Path, quantity: str) -> Panels:
     import numpy as np
 
     from qinit_cli.environments import family_of
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     name = quantity.replace("-", "_")
     with open_artefact(path, "fit") as artefact:
@@ -141,7 +141,7 @@ def _table(path: Path, quantity: str) -> Panels:
 def _start(path: Path) -> Panels:
     """The start of a run, largest over the actions; that of a method which has one for each target is their mean."""
     from qinit_cli.environments import family_of
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
         fit, method = artefact.spec["inputs"][0], artefact.spec["method"]

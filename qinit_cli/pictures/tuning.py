@@ -25,7 +25,7 @@ def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
     from qinit_cli.stages.tuning import Choice
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "tuning") as artefact:
         choice = Choice.of(artefact)

@@ -5,7 +5,7 @@ from qinit_cli.kernels.dice import below, seeds, unit
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.kernels.stepping import GOAL, LOST, SteppedWorlds, starts, steps
 from qinit_cli.kernels.tables import Tables
-from store.schema import Axis, Column
+from qinit_store.schema import Axis, Column
 
 __all__ = [
     "GOAL",

@@ -63,7 +63,7 @@ def remark(method: str) -> str:
 
 
 def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     base = _baseline(group, baseline)
     possible = attainable(group)

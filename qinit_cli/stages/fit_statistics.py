@@ -21,7 +21,7 @@ from qinit_cli.stages.fit import Block, kept_of
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
-    from store.fit_statistics import FitStatistics
+    from qinit_store.fit_statistics import FitStatistics
 
     Parts = Callable[..., dict[str, Any]]
 
@@ -61,7 +61,7 @@ def columns(options: FitOptions, family: Family) -> tuple[str, ...]:
 def contents(options: FitOptions) -> FitStatistics:
     """What the fit will hold of them."""
     from qinit_cli.analysis.alternatives import DENSITIES
-    from store.fit_statistics import FitStatistics
+    from qinit_store.fit_statistics import FitStatistics
 
     return FitStatistics(
         normality=TESTS[options.normality],

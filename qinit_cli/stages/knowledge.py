@@ -9,7 +9,7 @@ from typing import Any
 
 from qinit_cli.environments import Family, family_of
 from qinit_cli.fitted import Fit
-from store.reading import open_artefact
+from qinit_store.reading import open_artefact
 
 
 @dataclass(frozen=True)

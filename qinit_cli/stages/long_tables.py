@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
-    from store.reading import Artefact
-    from store.schema import Array, Column, Schema
+    from qinit_store.reading import Artefact
+    from qinit_store.schema import Array, Column, Schema
 
 ROWS = 16_384  # of a long table in one piece
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from qinit_cli.stages.long_tables import drawn, layout, texts
 
 if TYPE_CHECKING:
-    from store.reading import Artefact
-    from store.schema import Array, Column
+    from qinit_store.reading import Artefact
+    from qinit_store.schema import Array, Column
 
 HELD_BYTES = 64 * 2**20  # of columns that are read together in one pass; a larger one takes a pass of its own
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from qinit_cli.arrays import Floats, Tasks
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 ERROR_TASKS = 100  # sources whose tables are set against exact ones
 SMOOTH = 20  # episodes averaged into each point of a run's curve, as plot does unless told otherwise

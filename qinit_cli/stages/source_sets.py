@@ -119,6 +119,6 @@ def _by(runs: Sequence[Run], key: Any) -> list[list[Run]]:
 
 
 def _canonical(value: object) -> str:
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     return canonical_json(value)

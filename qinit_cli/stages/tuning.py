@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from qinit_cli.fitted import Fit
     from qinit_cli.kernels.batch import Watch
     from qinit_cli.stages.sources import Rows
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 FOLDS = 5
 Grid = dict[str, tuple[float, ...]]  # the values to try of each parameter

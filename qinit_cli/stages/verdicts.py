@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from qinit_cli.claims.evidence import Evidence, Lengths, LengthTests, Maps, Values
     from qinit_cli.claims.scores import Arm, Scores
     from qinit_cli.claims.verdict import Verdict
-    from store.reading import Artefact
+    from qinit_store.reading import Artefact
 
 HEATMAPS = ("logqinit-median", "ucoi", "maxqinit")  # methods whose starts a claim is about
 AMONG_GOALS = 0.95  # of the goals
@@ -224,7 +224,7 @@ def _scores(runs: Sequence[Run], averages: Mapping[str, Floats]) -> dict[Setting
 def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Setting, Scores]]:
     """One for each way in which sources were drawn, learned and fitted; methods that read none join them all."""
     from qinit_cli.claims.scores import Scores
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     def targets(entry: Entry) -> str:
         return canonical_json(entry.runs[0].spec["learning"])

@@ -22,7 +22,7 @@ import pytest
 
 from qinit_cli.stages import long_tables, named_arrays
 from qinit_cli.stages.long_tables import TABLES
-from store.reading import open_artefact
+from qinit_store.reading import open_artefact
 
 if TYPE_CHECKING:
     from tests.conftest import Ended, Pipeline

@@ -19,8 +19,8 @@ import pytest
 from qinit_cli import specs
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.stages.sources import SourceTasks
-from store.schema import Axis, sources_schema
-from store.work import open_work
+from qinit_store.schema import Axis, sources_schema
+from qinit_store.work import open_work
 
 if TYPE_CHECKING:
     from tests.conftest import Ended, Pipeline

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from store.reading import describe, open_artefact
+from qinit_store.reading import describe, open_artefact
 
 SOURCES = ("train-sources", "gridworld", "--size", 5, "--learner", "exact", "--tasks", 7)
 

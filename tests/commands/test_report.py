@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from store.reading import describe
+from qinit_store.reading import describe
 
 Run = Callable[..., Any]
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from qinit_cli.runs import Run
-from store.reading import open_artefact
+from qinit_store.reading import open_artefact
 
 Here = Callable[..., Any]
 

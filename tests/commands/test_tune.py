@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from store.reading import open_artefact
+from qinit_store.reading import open_artefact
 from tests.conftest import run_here
 
 if TYPE_CHECKING:

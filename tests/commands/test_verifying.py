@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import pytest
 
-from store.reading import describe, open_artefact
+from qinit_store.reading import describe, open_artefact
 
 
 @pytest.fixture

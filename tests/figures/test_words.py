@@ -18,7 +18,7 @@ from qinit_cli.figures.drawn import Drawn
 from qinit_cli.figures.style import house_style
 from qinit_cli.pictures import bars, curves, eopl, heatmaps, histograms, normality, occupancy
 from qinit_cli.runs import Run
-from store.reading import open_artefact
+from qinit_store.reading import open_artefact
 
 Draw = Callable[..., Any]
 SVG = "{http://www.w3.org/2000/svg}"

@@ -96,7 +96,7 @@ def _runs(pipeline: Any) -> list[Path]:
 
 def _reproduction(folder: Path, runs: list[Path]) -> Path:
     """A reproduction's folder with one picture, one table, and a verdict of each answer."""
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     folder.mkdir()
     (folder / "fig6-a.svg").write_text(_picture())

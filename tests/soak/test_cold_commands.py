@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from store.reading import describe
+from qinit_store.reading import describe
 
 pytestmark = pytest.mark.soak
 

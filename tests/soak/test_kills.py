@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from store.folder import part_paths, work_folder
-from store.reading import describe, open_artefact, open_part
+from qinit_store.folder import part_paths, work_folder
+from qinit_store.reading import describe, open_artefact, open_part
 
 pytestmark = pytest.mark.soak
 
@@ -33,7 +33,7 @@ try:
     import os
     from qinit_cli.__main__ import main
     from qinit_cli.commands import making
-    from store.work import Work
+    from qinit_store.work import Work
     log = os.open(os.environ["SAVED_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     save = Work.save
     def logged(work, rows, tasks):

@@ -19,7 +19,7 @@ from qinit_cli.fitted import FitOptions
 from qinit_cli.stages import paper_settings
 from qinit_cli.stages.sources import SourceTasks
 from qinit_cli.stages.verdicts import evidence, verdicts
-from store.reading import Artefact, open_artefact
+from qinit_store.reading import Artefact, open_artefact
 
 Run = Callable[..., Any]
 SMALL = ("--size", 8, "--variance", 2, "--tasks", 12, "--learner", "exact")

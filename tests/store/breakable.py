@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 
-from store.disk import Disk
+from qinit_store.disk import Disk
 
 CHANGES = (
     "make the directory",

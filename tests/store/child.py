@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from fakes import LIGHT, narrow_schema, rows_for, spec_for, statics_for
 
-from store.errors import StoreError
-from store.reading import open_artefact
-from store.work import open_work
+from qinit_store.errors import StoreError
+from qinit_store.reading import open_artefact
+from qinit_store.work import open_work
 
 
 def say(word):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from breakable import Unflushed
 
-from store.schema import Axis, Column, fit_schema, run_schema, sources_schema
-from store.work import open_work
+from qinit_store.schema import Axis, Column, fit_schema, run_schema, sources_schema
+from qinit_store.work import open_work
 
 DISK = Unflushed()
 

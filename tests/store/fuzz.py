@@ -13,8 +13,8 @@ import struct
 import sys
 from pathlib import Path
 
-from store.errors import StoreError
-from store.reading import open_artefact
+from qinit_store.errors import StoreError
+from qinit_store.reading import open_artefact
 
 MEMORY = 3 * 1024**3
 SECONDS = 300

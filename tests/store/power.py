@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, field
 
-from store.disk import Disk
+from qinit_store.disk import Disk
 
 
 @dataclass

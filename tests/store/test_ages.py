@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from fakes import ACTION, COL, ROW, make_fit, make_sources
 
-from store.errors import Damaged
-from store.reading import describe, open_artefact
-from store.schema import Column, Schema, fit_schema
-from store.verify import verify
-from store.work import open_work
+from qinit_store.errors import Damaged
+from qinit_store.reading import describe, open_artefact
+from qinit_store.schema import Column, Schema, fit_schema
+from qinit_store.verify import verify
+from qinit_store.work import open_work
 
 # Written once by schema 1 and never again: whoever must change these files has broken every artefact there is.
 FROZEN = Path(__file__).with_name("data")

@@ -10,10 +10,10 @@ from fakes import SOURCES, make_fit, make_sources, rows_for, spec_for
 from hypothesis import given
 from hypothesis import strategies as st
 
-from store.catalog import NAME, Store
-from store.errors import NotFound, Refused
-from store.spec import spec_sha256
-from store.work import open_work
+from qinit_store.catalog import NAME, Store
+from qinit_store.errors import NotFound, Refused
+from qinit_store.spec import spec_sha256
+from qinit_store.work import open_work
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The digests are a promise to other programs: recomputed here from store.digest's text, without its code."""
+"""The digests are a promise to other programs: recomputed here from qinit_store.digest's text, without its code."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from fakes import SOURCES, make_fit, make_sources, rows_for, spec_for
 
-from store.digest import content_sha256, task_digests
-from store.reading import describe, open_artefact
-from store.schema import Column
+from qinit_store.digest import content_sha256, task_digests
+from qinit_store.reading import describe, open_artefact
+from qinit_store.schema import Column
 
 
 def test_a_task_digest_is_the_sha256_of_its_hashed_columns_by_name():
@@ -85,7 +85,7 @@ def test_order_and_batching_of_saves_leave_every_byte_unchanged(tmp_path, order,
 
 
 def test_seconds_and_provenance_are_not_hashed(tmp_path):
-    from store.work import open_work
+    from qinit_store.work import open_work
 
     ids = np.arange(6)
     rows = {**rows_for(ids), "seconds": np.full(6, 99.0)}
@@ -98,7 +98,7 @@ def test_seconds_and_provenance_are_not_hashed(tmp_path):
 
 @pytest.mark.parametrize("name", [column.name for column in SOURCES.task_columns if column.hashed])
 def test_every_hashed_column_changes_the_content_hash(tmp_path, name):
-    from store.work import open_work
+    from qinit_store.work import open_work
 
     ids = np.arange(6)
     rows = rows_for(ids)

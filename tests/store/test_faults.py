@@ -11,11 +11,11 @@ import pytest
 from breakable import Breakable, Full, Killed, Liar, ShortWrites, moments, operations_of
 from fakes import LIGHT, make_sources, rows_for, spec_for, statics_for
 
-from store.disk import Disk
-from store.errors import SystemFailed
-from store.folder import work_folder
-from store.reading import describe
-from store.work import open_work
+from qinit_store.disk import Disk
+from qinit_store.errors import SystemFailed
+from qinit_store.folder import work_folder
+from qinit_store.reading import describe
+from qinit_store.work import open_work
 
 # Every moment in the soak run, else every third.
 SHARES = pytest.mark.parametrize("share", [3, pytest.param(1, marks=pytest.mark.soak)], ids=["third", "all"])

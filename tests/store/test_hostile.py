@@ -17,9 +17,9 @@ import pytest
 from fakes import LIGHT, make_fit, make_sources
 from fuzz import checksum, headers
 
-from store.errors import Damaged, NotFound
-from store.reading import describe, open_artefact
-from store.verify import verify
+from qinit_store.errors import Damaged, NotFound
+from qinit_store.reading import describe, open_artefact
+from qinit_store.verify import verify
 
 
 @pytest.fixture(scope="module")

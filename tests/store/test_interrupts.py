@@ -10,9 +10,9 @@ import pytest
 from breakable import Unflushed, operations_of
 from fakes import LIGHT, make_sources, spec_for
 
-from store.interrupts import held_back
-from store.reading import describe
-from store.work import open_work
+from qinit_store.interrupts import held_back
+from qinit_store.reading import describe
+from qinit_store.work import open_work
 
 
 class Came(BaseException):

@@ -24,10 +24,10 @@ from fakes import (
     spec_for,
 )
 
-from store.folder import work_folder
-from store.reading import open_artefact
-from store.schema import Column, Schema, run_schema, sources_schema
-from store.work import open_work
+from qinit_store.folder import work_folder
+from qinit_store.reading import open_artefact
+from qinit_store.schema import Column, Schema, run_schema, sources_schema
+from qinit_store.work import open_work
 
 MAKERS = {"sources": make_sources, "fit": make_fit, "run": make_run}
 TABLE = ("row", "col", "action")
@@ -168,7 +168,7 @@ def test_a_column_on_an_unknown_axis_is_an_error():
 
 
 def test_errors_cost_neither_numpy_nor_h5py():
-    program = "import store.errors, sys; print(sorted({'numpy', 'h5py'} & set(sys.modules)))"
+    program = "import qinit_store.errors, sys; print(sorted({'numpy', 'h5py'} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
 
@@ -176,7 +176,7 @@ def test_errors_cost_neither_numpy_nor_h5py():
 def test_names_can_be_completed_without_numpy_or_h5py(tmp_path):
     make_sources(tmp_path / "sources" / "a.h5")
     program = (
-        "import store.catalog, sys, pathlib; print(store.catalog.Store(pathlib.Path(sys.argv[1])).names(),"
+        "import qinit_store.catalog, sys, pathlib; print(qinit_store.catalog.Store(pathlib.Path(sys.argv[1])).names(),"
         " sorted({'numpy', 'h5py'} & set(sys.modules)))"
     )
     command = [sys.executable, "-c", program, str(tmp_path)]

@@ -7,10 +7,10 @@ import time
 
 import pytest
 
-from store import folder as work_folders
-from store.disk import Disk
-from store.errors import Busy
-from store.lock import being_held, held
+from qinit_store import folder as work_folders
+from qinit_store.disk import Disk
+from qinit_store.errors import Busy
+from qinit_store.lock import being_held, held
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import pytest
 from fakes import LIGHT, make_sources, rows_for, spec_for, statics_for
 from power import Recorder, survive
 
-from store import publish
-from store.disk import Disk, write_all
-from store.errors import StoreError
-from store.folder import work_folder
-from store.reading import open_artefact
-from store.work import open_work
+from qinit_store import publish
+from qinit_store.disk import Disk, write_all
+from qinit_store.errors import StoreError
+from qinit_store.folder import work_folder
+from qinit_store.reading import open_artefact
+from qinit_store.work import open_work
 
 BATCHES = ([0, 1], [2, 3])
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from fakes import LIGHT, make_sources, spec_for
 
-from store.errors import Busy, SystemFailed
-from store.folder import work_folder
-from store.reading import describe, open_artefact
-from store.work import open_work
+from qinit_store.errors import Busy, SystemFailed
+from qinit_store.folder import work_folder
+from qinit_store.reading import describe, open_artefact
+from qinit_store.work import open_work
 
 CHILD = Path(__file__).with_name("child.py")
 ROOT = CHILD.parents[2]

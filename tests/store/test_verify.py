@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from fakes import LIGHT, SOURCES, make_fit, make_sources, one_task, rows_for, spec_for, statics_for
 
-from store.errors import Damaged, NotFound, Refused
-from store.mend import merge, salvage
-from store.reading import describe, open_artefact
-from store.verify import verify
-from store.work import open_work
+from qinit_store.errors import Damaged, NotFound, Refused
+from qinit_store.mend import merge, salvage
+from qinit_store.reading import describe, open_artefact
+from qinit_store.verify import verify
+from qinit_store.work import open_work
 
 
 def change(path, name, where, value):

@@ -14,14 +14,14 @@ from fakes import DISK, SOURCES, make_fit, make_run, make_sources, rows_for, spe
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from store.disk import Disk
-from store.errors import Busy, Damaged, Refused
-from store.folder import read_record, work_folder
-from store.lock import being_held
-from store.mend import merge
-from store.reading import describe, open_artefact
-from store.schema import Column, Schema
-from store.work import open_work
+from qinit_store.disk import Disk
+from qinit_store.errors import Busy, Damaged, Refused
+from qinit_store.folder import read_record, work_folder
+from qinit_store.lock import being_held
+from qinit_store.mend import merge
+from qinit_store.reading import describe, open_artefact
+from qinit_store.schema import Column, Schema
+from qinit_store.work import open_work
 
 
 @pytest.fixture

@@ -36,7 +36,7 @@ def lifetime(runs: list[str], picture: Picture, reading: Reading, display: Displ
     """Draws the picture and prints its path; a line for each run, in their order."""
     from qinit_cli.commands import references
     from qinit_cli.pictures import lifetime as pictures
-    from store.catalog import Store
+    from qinit_store.catalog import Store
 
     path, store = USUAL.path(picture), Store(Path(reading.store))
     paths = references.many(runs, reading.store)

@@ -104,7 +104,7 @@ def _states(spec: dict[str, Any]) -> str:
 
 def _choice(spec: dict[str, Any]) -> str:
     """All that is the same for every source set of a distribution."""
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     def without_set(settings: dict[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in settings.items() if name not in ("seed", "inputs", "tasks")}

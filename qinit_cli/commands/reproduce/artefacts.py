@@ -60,9 +60,9 @@ class Place:
     @property
     def complete(self) -> bool:
         """Whether it stands there, whole and with these settings."""
-        from store.errors import StoreError
-        from store.reading import describe
-        from store.spec import canonical_json
+        from qinit_store.errors import StoreError
+        from qinit_store.reading import describe
+        from qinit_store.spec import canonical_json
 
         if not self.path.is_file():
             return False
@@ -89,7 +89,7 @@ class Maker:
         from qinit_cli.commands import fit as fitting
         from qinit_cli.commands.making import place, target_path
         from qinit_cli.commands.transfer import stem_of
-        from store.reading import describe
+        from qinit_store.reading import describe
 
         match artefact:
             case Sources():

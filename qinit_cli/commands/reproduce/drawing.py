@@ -85,7 +85,7 @@ class Drawing:
     def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
         from qinit_cli.runs import Run as Reader
-        from store.reading import open_artefact
+        from qinit_store.reading import open_artefact
 
         for artefact in artefacts:
             if isinstance(artefact, Run) and artefact not in self._runs:
@@ -105,7 +105,7 @@ def file_of(shown: Shown) -> str:
 
 def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
     """SHA-256 of all that decides what it shows: its settings, its artefacts' content and this version."""
-    from store.spec import canonical_json
+    from qinit_store.spec import canonical_json
 
     told = [__version__, shown.name, shown.title, *(digests[artefact] for artefact in shown.artefacts)]
     match shown:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from store.reading import Description
+    from qinit_store.reading import Description
 
 SCHEMA = "qinit.reproduction/1"
 MANIFEST = "reproduction.json"
@@ -75,7 +75,7 @@ def _added(stage: str, spent: Spent, earlier: Mapping[str, Any]) -> dict[str, An
 
 def _artefacts(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Each artefact once, behind the tables of the targets themselves that it was learned from."""
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     told: dict[str, dict[str, Any]] = {}
     for path in paths:
@@ -106,7 +106,7 @@ def _told(there: Description, role: str) -> dict[str, Any]:
 
 def _kernel_seconds(there: Description) -> float | None:
     """What its tasks took to learn, as the artefact itself tells; None for a fit, which learns nothing."""
-    from store.reading import open_artefact
+    from qinit_store.reading import open_artefact
 
     if there.kind == "fit":
         return None

@@ -112,7 +112,7 @@ class Reproduction:
                     self._keep(artefact, place.path)
 
     def _keep(self, artefact: Artefact, path: Path) -> None:
-        from store.reading import describe
+        from qinit_store.reading import describe
 
         self.paths[artefact] = path
         self.digests[artefact] = describe(path).content_sha256

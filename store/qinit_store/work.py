@@ -12,15 +12,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from store import encoding, folder, publish
-from store.digest import task_digests
-from store.disk import Disk
-from store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
-from store.interrupts import HeldBack, held_back
-from store.lock import held
-from store.reading import Artefact, open_artefact, open_part
-from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
-from store.spec import Spec, canonical_json, difference, without_tasks
+from qinit_store import encoding, folder, publish
+from qinit_store.digest import task_digests
+from qinit_store.disk import Disk
+from qinit_store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
+from qinit_store.interrupts import HeldBack, held_back
+from qinit_store.lock import held
+from qinit_store.reading import Artefact, open_artefact, open_part
+from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
+from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
 DISK = Disk()
 NO_TASKS: Array = np.empty(0, dtype=np.int64)

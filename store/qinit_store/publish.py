@@ -9,8 +9,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from store.disk import Disk, write_all
-from store.errors import Refused, SystemFailed
+from qinit_store.disk import Disk, write_all
+from qinit_store.errors import Refused, SystemFailed
 
 _NUMBERS = (
     itertools.count()

@@ -13,9 +13,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from store.digest import content_sha256
-from store.schema import TASK, Array, Axis, Column, Schema
-from store.spec import Spec, canonical_json, spec_sha256
+from qinit_store.digest import content_sha256
+from qinit_store.schema import TASK, Array, Axis, Column, Schema
+from qinit_store.spec import Spec, canonical_json, spec_sha256
 
 SCHEMA_VERSION = 1
 MIN_READER = 1

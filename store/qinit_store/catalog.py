@@ -14,13 +14,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from store.errors import Damaged, NotFound, Refused, StoreError
-from store.folder import read_record, tasks_saved
-from store.lock import being_held
-from store.spec import Spec, canonical_json, spec_sha256, without_tasks
+from qinit_store.errors import Damaged, NotFound, Refused, StoreError
+from qinit_store.folder import read_record, tasks_saved
+from qinit_store.lock import being_held
+from qinit_store.spec import Spec, canonical_json, spec_sha256, without_tasks
 
 if TYPE_CHECKING:
-    from store.reading import Description
+    from qinit_store.reading import Description
 
 FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs", "tuning": "tunings"}
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -106,7 +106,7 @@ def _checked(name: str) -> str:
 
 
 def _description(path: Path) -> Description:
-    from store.reading import describe
+    from qinit_store.reading import describe
 
     try:
         return describe(path)
@@ -148,7 +148,7 @@ def _unfinished(work: Path) -> Description:
 
 
 def _nothing_known(path: Path) -> Description:
-    from store.reading import Description
+    from qinit_store.reading import Description
 
     kinds = {folder: kind for kind, folder in FOLDERS.items()}
     return Description(

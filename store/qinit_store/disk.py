@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from store.errors import SystemFailed
+from qinit_store.errors import SystemFailed
 
 T = TypeVar("T")
 

@@ -18,8 +18,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from store.errors import Damaged, NotFound, SystemFailed
-from store.schema import NAME, TASK, TASK_DIGEST
+from qinit_store.errors import Damaged, NotFound, SystemFailed
+from qinit_store.schema import NAME, TASK, TASK_DIGEST
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from store.schema import DIGEST_BYTES, Array, Column
+from qinit_store.schema import DIGEST_BYTES, Array, Column
 
 TASK_TAG = b"qinit task 1\0"
 CONTENT_TAG = b"qinit content 1\0"

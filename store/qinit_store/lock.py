@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from store.disk import Disk
-from store.errors import Busy, Refused, SystemFailed
+from qinit_store.disk import Disk
+from qinit_store.errors import Busy, Refused, SystemFailed
 
 LOCK = "lock"
 

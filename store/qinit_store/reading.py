@@ -14,12 +14,12 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
-from store import guard
-from store.digest import content_sha256, task_digests
-from store.encoding import MIN_READER, SCHEMA_VERSION
-from store.errors import Damaged, Refused, StoreError
-from store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
-from store.spec import canonical_json, spec_sha256
+from qinit_store import guard
+from qinit_store.digest import content_sha256, task_digests
+from qinit_store.encoding import MIN_READER, SCHEMA_VERSION
+from qinit_store.errors import Damaged, Refused, StoreError
+from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
+from qinit_store.spec import canonical_json, spec_sha256
 
 KINDS = ("sources", "fit", "run", "tuning")
 

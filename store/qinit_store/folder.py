@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from store.disk import Disk
-from store.errors import SystemFailed
-from store.lock import LOCK
-from store.publish import place
-from store.spec import Spec, canonical_json
+from qinit_store.disk import Disk
+from qinit_store.errors import SystemFailed
+from qinit_store.lock import LOCK
+from qinit_store.publish import place
+from qinit_store.spec import Spec, canonical_json
 
 RECORD = "spec.json"
 LARGEST_RECORD = 4 * 1024**2

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from store.errors import Damaged, Refused
-from store.reading import Artefact, open_artefact, open_doubtful
-from store.schema import Array
-from store.spec import difference, spec_sha256, without_tasks
-from store.work import Work, open_work
+from qinit_store.errors import Damaged, Refused
+from qinit_store.reading import Artefact, open_artefact, open_doubtful
+from qinit_store.schema import Array
+from qinit_store.spec import difference, spec_sha256, without_tasks
+from qinit_store.work import Work, open_work
 
 
 def salvage(path: Path, target: Path, provenance: Mapping[str, Any], *, force: bool = False) -> Array:

@@ -13,11 +13,11 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from store.errors import Damaged, NotFound, StoreError
+from qinit_store.errors import Damaged, NotFound, StoreError
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
-PROGRAM = "import sys; from store.verify import child; child(sys.argv[1:])"
+PROGRAM = "import sys; from qinit_store.verify import child; child(sys.argv[1:])"
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def child(arguments: list[str]) -> None:
 
 
 def _examined(path: Path) -> Verdict:
-    from store.reading import open_doubtful  # here, so that what h5py does is done under the limits
+    from qinit_store.reading import open_doubtful  # here, so that what h5py does is done under the limits
 
     try:
         with open_doubtful(path) as artefact:
