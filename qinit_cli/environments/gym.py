@@ -9,24 +9,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 from functools import lru_cache
-from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.environments.gym_tables import (
-    SURVIVED,
-    Episodes,
-    Settings,
-    Table,
-    has_table,
-    made,
-    table,
-    verdict,
-)
+from qinit_cli.environments.foreign import aside
+from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
+from qinit_cli.environments.gym_making import Settings, made
+from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
+from qinit_cli.environments.gym_tables import SURVIVED, Table, table, verdict
 from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
-from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 from qinit_cli.learning import Learning
 
@@ -34,15 +29,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
+    from qinit_cli.arrays import Flags, Floats, Tasks
     from qinit_cli.kernels.batch import Worlds
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
-DEFAULT_BINS = 10
-UNBOUNDED = 1e6  # a bound beyond it is none
 PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
-RESETS = 200  # seeds 0 to 199, whose states are taken for where episodes start
 
 
 @dataclass(frozen=True)
@@ -235,13 +227,8 @@ class Gym(TableFamily):
 
         if self.tabular:
             return super().worlds(tasks, own)
-        seen = self._seen
-        return PythonWorlds(
-            lambda place, horizon: self._episodes(tasks[place], horizon),
-            seen.states,
-            seen.actions,
-            seeds(own),
-        )
+        episodes = OneAtATime(lambda place, horizon: self._episodes(tasks[place], horizon))
+        return PythonWorlds(episodes, self._seen.states, self._seen.actions, seeds(own), around=episodes)
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """Expected optimal path lengths, (B, S, A), -1 where a path never arrives.
@@ -281,7 +268,7 @@ class Gym(TableFamily):
             return super().visits(tasks, q, horizon)
         visits = np.zeros(q.shape[:2], np.int32)
         for place, task in enumerate(tasks):
-            trail, reached = next(iter(self._probe(task, q[place], horizon)))
+            [(trail, reached)] = self._probe(task, q[place], horizon, 1)
             if reached:
                 np.add.at(visits[place], [state for state, _ in trail], 1)
         return visits
@@ -303,6 +290,12 @@ class Gym(TableFamily):
                 "--goal terminated, --goal survived, or a rule such as --goal 'reward>0'"
             )
         verdict(self.goal)
+        limit = self._seen.limit
+        if self.goal == SURVIVED and 0 < limit < learning.horizon:
+            return (
+                f"{self.env_id} cuts episodes off after {limit} steps, and --goal survived makes the horizon of "
+                f"{learning.horizon} the goal, which is then never reached; give --horizon {limit} or less"
+            )
         if learning.start == "anywhere":
             return f"{self.env_id} is simulated, so episodes start where its reset puts them; leave out --start anywhere"
         return ""
@@ -313,7 +306,7 @@ class Gym(TableFamily):
 
     @property
     def _settings(self) -> Settings:
-        return tuple(map(setting, self._texts("set")))
+        return Settings(map(setting, self._texts("set")))
 
     def _texts(self, name: str) -> tuple[str, ...]:
         return tuple(getattr(self, name) or ())
@@ -328,7 +321,9 @@ class Gym(TableFamily):
         return with_values(self._settings, [(each, task[each.column].item()) for each in self._variations])
 
     def _table(self, task: Any) -> Table:
-        one = table(self.env_id, self._of(task), self.goal or "")
+        settings = self._of(task)
+        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
+        one = table(self.env_id, settings, self.goal or "")
         if one.after.shape[:2] != (self._seen.states, self._seen.actions):
             raise NotAllowed(
                 f"a task of {self.env_id} has {len(one.after)} states, another one {self._seen.states}: tasks must "
@@ -337,20 +332,27 @@ class Gym(TableFamily):
         return one
 
     def _episodes(self, task: Any, horizon: int) -> Episodes:
-        return Episodes(made(self.env_id, self._of(task)), self._seen.state, self.goal or "", horizon)
+        settings = self._of(task)
+        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
+        env = made(self.env_id, settings)
+        return Episodes(self.env_id, env, self._seen.state, self.goal or "", horizon)
 
-    def _probe(self, task: Any, q: Floats, horizon: int) -> Any:
+    def _probe(
+        self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
+    ) -> list[tuple[list[tuple[int, int]], bool]]:
         """Greedy episodes: the pairs met, and whether each reached the goal."""
         from qinit_cli.kernels.stepping import GOAL
 
-        episodes, greedy = self._episodes(task, horizon), q.argmax(axis=1).tolist()
-        for seed in range(PROBES):
-            state = episodes.start(seed)
-            trail: list[tuple[int, int]] = []
-            while state >= 0 and len(trail) < horizon:
-                trail.append((state, greedy[state]))
-                state = episodes.step(greedy[state])
-            yield trail, state == GOAL
+        greedy, played = q.argmax(axis=1).tolist(), []
+        with aside(), closing(self._episodes(task, horizon)) as world:
+            for seed in range(episodes):
+                state = world.start(seed)
+                trail: list[tuple[int, int]] = []
+                while state >= 0 and len(trail) < horizon:
+                    trail.append((state, greedy[state]))
+                    state = world.step(greedy[state])
+                played.append((trail, state == GOAL))
+        return played
 
     def _values(self) -> tuple[Table, Floats]:
         """An example's table, and its exact values, (S,)."""
@@ -366,57 +368,12 @@ class Gym(TableFamily):
 
     @property
     def _seen(self) -> Seen:
-        return _seen(self.env_id, self._settings, self._variations, self.bins or "", self._texts("range"))
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What one learns of an environment by looking at it once."""
-
-    shape: tuple[int, ...]
-    actions: int
-    table: bool
-    lows: tuple[float, ...]  # of a Box
-    highs: tuple[float, ...]
-    resets: Integers  # states after RESETS resets
-    first: int = 0  # the number of the first state
-
-    @property
-    def states(self) -> int:
-        """How many the table has."""
-        import math
-
-        return math.prod(self.shape)
-
-    def state(self, observation: Any) -> int:
-        """The table's state that an observation is in; beyond the bins, in the last; NotAllowed where there is none."""
-        if not self.lows:
-            number = int(observation) - self.first
-            if not 0 <= number < self.states:  # the compiled loop would write beyond its table
-                raise NotAllowed(
-                    f"the environment observed {observation}, which is none of the {self.states} states that it says it has"
-                )
-            return number
-        state = 0
-        sides = zip(map(float, observation), self.lows, self.highs, self.shape, strict=True)
-        for dimension, (value, low, high, bins) in enumerate(sides):
-            if not isfinite(value):
-                raise NotAllowed(
-                    f"the environment observed {value} in dimension {dimension}, which is in no bin; its "
-                    "observations must be finite"
-                )
-            place = (value - low) / (high - low) * bins
-            state = state * bins + int(min(max(place, 0), bins - 1))
-        return state
+        return seen(self.env_id, self._example, self.bins or "", self._texts("range"))
 
 
 def with_values(settings: Settings, drawn: Iterable[tuple[Variation, Any]]) -> Settings:
     """The settings, and what was drawn for each variation, in a form that can be kept."""
-    values = ((each.name, each.value(value)) for each, value in drawn)
-    return (
-        *settings,
-        *((name, tuple(value) if isinstance(value, list) else value) for name, value in values),
-    )
+    return Settings((*settings, *((each.name, each.value(value)) for each, value in drawn)))
 
 
 @lru_cache(64)
@@ -425,85 +382,3 @@ def _example(settings: Settings, variations: tuple[Variation, ...]) -> Settings:
 
     chance = np.random.Generator(np.random.PCG64(0))
     return with_values(settings, [(each, each.draw(chance)) for each in variations])
-
-
-@lru_cache(64)
-def _seen(
-    env_id: str, settings: Settings, variations: tuple[Variation, ...], bins: str, ranges: tuple[str, ...]
-) -> Seen:
-    """The environment's spaces; UsageError where they do not suit."""
-    import numpy as np
-
-    env = made(env_id, _example(settings, variations))
-    kinds = env.observation_space, env.action_space
-    observed, acted = (type(space).__name__ for space in kinds)
-    if acted != "Discrete" or int(env.action_space.start) != 0:
-        raise UsageError(f"{env_id} has actions of the kind {acted}; numbered ones (Discrete) are needed")
-    actions, tabled = int(env.action_space.n), has_table(env)
-    if observed == "Discrete" and (bins or ranges):
-        raise UsageError(f"{env_id} numbers its states; leave out --bins and --range")
-    lows: tuple[float, ...] = ()
-    highs: tuple[float, ...] = ()
-    if observed == "Discrete":
-        shape = _grid(env)
-    elif observed == "Box" and len(env.observation_space.shape) == 1:
-        lows, highs = _bounds(env_id, env.observation_space, ranges)
-        shape = _bins(env_id, bins, len(lows))
-    else:
-        raise UsageError(
-            f"{env_id} observes a {observed}{getattr(kinds[0], 'shape', None) or ''}; a Discrete or a Box of one row is needed"
-        )
-    first = 0 if lows else int(env.observation_space.start)
-    seen = Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first)
-    resets = [seen.state(env.reset(seed=seed)[0]) for seed in range(RESETS)]
-    return replace(seen, resets=np.array(resets, np.int64))
-
-
-def _grid(env: Any) -> tuple[int, ...]:
-    """Rows and columns where the environment says them, else the number of states."""
-    states = int(env.observation_space.n)
-    said: Any = ((getattr(env, "nrow", 0), getattr(env, "ncol", 0)), getattr(env, "shape", ()))
-    for sides in said:
-        if len(sides) == 2 and sides[0] * sides[1] == states:
-            return int(sides[0]), int(sides[1])
-    return (states,)
-
-
-def _bins(env_id: str, bins: str, dimensions: int) -> tuple[int, ...]:
-    texts = bins.split(",") if bins else [str(DEFAULT_BINS)]
-    if not all(text.strip().isdigit() and int(text) > 0 for text in texts) or len(texts) not in (
-        1,
-        dimensions,
-    ):
-        raise UsageError(
-            f"--bins {bins}: {env_id} has {dimensions} dimensions; give one number, or one for each"
-        )
-    counts = tuple(int(text) for text in texts)
-    return counts * dimensions if len(counts) == 1 else counts
-
-
-def _bounds(env_id: str, space: Any, ranges: tuple[str, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    lows, highs = [float(low) for low in space.low], [float(high) for high in space.high]
-    for text in ranges:
-        told = re.fullmatch(r"(\d+)=([^:]+):([^:]+)", text)
-        try:
-            place, low, high = (int(told[1]), float(told[2]), float(told[3])) if told else (-1, 0.0, 0.0)
-        except ValueError:
-            place, low, high = -1, 0.0, 0.0
-        if not (0 <= place < len(lows) and low < high):
-            raise UsageError(
-                f"--range {text}: write DIM=LOW:HIGH, DIM from 0 to {len(lows) - 1}, LOW below HIGH"
-            )
-        lows[place], highs[place] = low, high
-    unbounded = [
-        place
-        for place, (low, high) in enumerate(zip(lows, highs, strict=True))
-        if not (abs(low) < UNBOUNDED and abs(high) < UNBOUNDED)
-    ]
-    if unbounded:
-        dimensions = "dimension" if len(unbounded) == 1 else "dimensions"
-        raise UsageError(
-            f"{env_id} sets no bounds to {dimensions} {' and '.join(map(str, unbounded))} of what it observes; give "
-            f"{' '.join(f'--range {place}=LOW:HIGH' for place in unbounded)}"
-        )
-    return tuple(lows), tuple(highs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -20,7 +21,10 @@ CALL_SECONDS = 0.01  # of learning between two looks at the watch
 
 
 class Worlds(Protocol):
-    """The tasks of one family, B of them; a kernel file has its own."""
+    """The tasks of one family, B of them; a kernel file has its own.
+
+    Worlds that hold something open are context managers too, and are entered while they are learned.
+    """
 
     @property
     def states(self) -> int: ...
@@ -176,7 +180,8 @@ def learn(
         _choosing(start.policies, chance.choices, lanes, shape),
         posterior := _posterior(start.hypotheses, learning, records.moments, lanes, shape),
     )
-    seconds = _run(advance, arguments, tasks, watch)
+    with worlds if isinstance(worlds, AbstractContextManager) else nullcontext():
+        seconds = _run(advance, arguments, tasks, watch)
     return Learned(
         q=tasks.q,
         visits=visits,

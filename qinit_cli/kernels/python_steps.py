@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -35,7 +36,7 @@ class Simulator(Protocol):
         ...
 
     def step(self, action: int) -> int:
-        """The table's state that the action leads to, stepping.GOAL or stepping.LOST."""
+        """The table's state that the action leads to, stepping.GOAL, stepping.LOST or stepping.CUT - state."""
         ...
 
 
@@ -54,6 +55,9 @@ class PythonWorlds:
     states: int
     actions: int
     dice: Words  # (B, 4)
+    around: AbstractContextManager[Any] = field(
+        default_factory=nullcontext
+    )  # entered while tasks are learned
     _there: dict[int, Simulator] = field(default_factory=dict)
     _failed: list[BaseException] = field(default_factory=list)
 
@@ -61,6 +65,14 @@ class PythonWorlds:
 
     def __len__(self) -> int:
         return len(self.dice)
+
+    def __enter__(self) -> PythonWorlds:
+        self.around.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._there.clear()
+        self.around.__exit__(*error)
 
     def queue(self) -> Integers:
         """As they are: what takes long is not known."""
@@ -122,6 +134,6 @@ def _start(world, task, lane, dice, anywhere):
     return _call(world.start, np.int64(task), np.int64(draw(dice) >> THIRTY_TWO))
 
 
-@steps(World)
+@steps(World, cuts=True)
 def _step(world, task, lane, state, action, chance, dice):
     return _call(world.step, np.int64(task), np.int64(action))

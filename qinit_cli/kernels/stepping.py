@@ -27,11 +27,13 @@ from qinit_cli.learning import Learning
 
 GOAL = -1  # a step led to the goal: the episode ends, with reward 1
 LOST = -2  # a step ended the episode elsewhere, with reward 0
+CUT = -3  # CUT - state: a step led to that state, and the world itself cut the episode off there
 
 Function = Callable[..., Any]
 
 _STARTS: dict[type, Any] = {}
 _STEPS: dict[type, Any] = {}
+_CUTTING: set[type] = set()  # the worlds that may cut an episode off
 
 
 class Stepping(NamedTuple):
@@ -86,13 +88,16 @@ def starts(world: type) -> Callable[[Function], Any]:
     return lambda function: _STARTS.setdefault(world, inlined(function))
 
 
-def steps(world: type) -> Callable[[Function], Any]:
+def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
     """Registers what a step does in worlds of that class, and compiles it.
 
     The function takes (world, task, lane, state, action, chance, dice) and returns the table's state that the step leads to,
     GOAL or LOST. `chance` is uniform in [0, 1); what needs more draws from `dice`. What the table does not see is kept in
-    arrays of the world, at `lane`.
+    arrays of the world, at `lane`. With `cuts` it may also return CUT - state: the episode ends in that state as it does
+    at the horizon, without the goal, and the state's value still counts.
     """
+    if cuts:
+        _CUTTING.add(world)
     return lambda function: _STEPS.setdefault(world, inlined(function))
 
 
@@ -111,6 +116,11 @@ def step_of(world, task, lane, state, action, chance, dice):
     return _STEPS[type(world)].py_func(world, task, lane, state, action, chance, dice)
 
 
+def entered(world, after):
+    """What the learner sees of a step: the state that it led to, also where the episode is cut off there, GOAL or LOST."""
+    return CUT - after if type(world) in _CUTTING and after <= CUT else after
+
+
 @overload(start_of, jit_options=LEAN)
 def _start_of(world, task, lane, dice, anywhere):
     registered = _STARTS[_class_of(world)]
@@ -123,6 +133,13 @@ def _step_of(world, task, lane, state, action, chance, dice):
     return lambda world, task, lane, state, action, chance, dice: registered(
         world, task, lane, state, action, chance, dice
     )
+
+
+@overload(entered, jit_options=LEAN)
+def _entered(world, after):
+    if _class_of(world) not in _CUTTING:  # nothing is compiled in
+        return lambda world, after: after
+    return lambda world, after: CUT - after if after <= CUT else after
 
 
 def _class_of(world: Any) -> Any:
@@ -151,7 +168,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
                 lane = lanes.order[place]
                 task = lanes.task[lane]
                 if not tasks.finished[task]:
-                    after = _step(
+                    code = _step(
                         step,
                         task,
                         lane,
@@ -164,13 +181,13 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
                         choosing,
                         posterior,
                     )
-                    world.state[lane] = after
+                    world.state[lane] = code
                     lanes.time[lane] += 1
-                    if after < 0 or lanes.time[lane] == setting.horizon:
+                    if code < 0 or lanes.time[lane] == setting.horizon:
                         _end(
                             task,
                             lane,
-                            after == GOAL,
+                            code == GOAL,
                             world,
                             setting,
                             tasks,
@@ -183,7 +200,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
 
 @unkept_inlined
 def _step(step, task, lane, world, setting, tasks, potential, visits, td_var, choosing, posterior):
-    """One step of Q-learning: the state it leads to, GOAL or LOST."""
+    """One step of Q-learning: the state it leads to, GOAL, LOST or the code of a state in which the episode is cut off."""
     state, drawn = world.state[lane], world.draws[lane, step]
     if posterior is not None and posterior.live[lane]:
         _refresh(posterior, task, lane, state, world, tasks, setting.gamma)
@@ -195,7 +212,8 @@ def _step(step, task, lane, world, setting, tasks, potential, visits, td_var, ch
         if follows and not (explores and choosing.explore_while_following):
             action = np.int64(choosing.policies[choosing.chosen[lane], state])
     chance = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
-    after = step_of(world.own, task, lane, state, action, chance, world.dice[task])
+    code = step_of(world.own, task, lane, state, action, chance, world.dice[task])
+    after = entered(world.own, code)
     gamma, place = setting.gamma, after if after >= 0 else tasks.q.shape[1] - 1 - after
     if posterior is not None and posterior.live[lane] and after >= 0:
         _refresh(posterior, task, lane, after, world, tasks, gamma)
@@ -214,7 +232,7 @@ def _step(step, task, lane, world, setting, tasks, potential, visits, td_var, ch
         td_var[task, state, action] = spread + TD_VAR_RATE * (error * error - spread)
     if posterior is not None and posterior.live[lane]:
         weigh(posterior, lane, task, state, action, place)
-    return after
+    return code
 
 
 @unkept_inlined

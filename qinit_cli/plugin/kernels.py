@@ -3,11 +3,12 @@
 from qinit_cli.kernels.compiled import compiled, inlined
 from qinit_cli.kernels.dice import below, seeds, unit
 from qinit_cli.kernels.policies import Policies
-from qinit_cli.kernels.stepping import GOAL, LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.stepping import CUT, GOAL, LOST, SteppedWorlds, starts, steps
 from qinit_cli.kernels.tables import Tables
 from qinit_store.schema import Axis, Column
 
 __all__ = [
+    "CUT",
     "GOAL",
     "LOST",
     "Axis",

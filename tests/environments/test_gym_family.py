@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import quantecon
 
-from qinit_cli.environments import gym_tables
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
+from qinit_cli.environments.gym_making import NOTHING_SET
+from qinit_cli.environments.gym_making import made as made_by_gymnasium
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
@@ -237,14 +238,18 @@ def test_a_state_beyond_those_there_are_is_refused(monkeypatch: pytest.MonkeyPat
     spec = gymnasium.envs.registration.EnvSpec("Counting-v0", entry_point=Counting)
     monkeypatch.setitem(gymnasium.registry, "Counting-v0", spec)
     beyond = Gym(env_id="Counting-v0", goal="terminated", set=["last=8"])
-    with pytest.raises(NotAllowed, match="observed 8, which is none of the 3 states"):
-        beyond._episodes(tasks_of(beyond, 1)[0], 10).step(0)
+    episodes = beyond._episodes(tasks_of(beyond, 1)[0], 10)
+    episodes.start(0)
+    with pytest.raises(
+        NotAllowed, match=r"observed 8, which is none of the 3 states .* \(step\(0\) of Counting-v0\)"
+    ):
+        episodes.step(0)
 
 
 def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(UsageError, match=r"pip install 'qinit\[gym\]'"):
-        gym_tables.made("FrozenLake-v1", ())
+        made_by_gymnasium("FrozenLake-v1", NOTHING_SET)
 
 
 class Unmeasured(gymnasium.Env):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import gymnasium
@@ -13,6 +14,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.python_steps import PythonWorlds
+from qinit_cli.kernels.stepping import CUT, GOAL
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import sequences
@@ -149,6 +151,48 @@ def test_a_simulated_task_learns_the_same_whatever_learns_beside_it_and_however_
     whole, some = learned(POLE, [0, 1, 2]), learned(POLE, [2], every=7)
     np.testing.assert_array_equal(some.q[0], whole.q[2])
     np.testing.assert_array_equal(some.steps[0], whole.steps[2])
+
+
+class Corridor:
+    """Five cells, the goal behind the last; a step fails with chance 0.2; `limit` steps, after which the world cuts off."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+
+    def start(self, seed: int) -> int:
+        self.cell = self.time = 0
+        self.chance = np.random.Generator(np.random.PCG64(seed))
+        return 0
+
+    def step(self, action: int) -> int:
+        self.time += 1
+        if self.chance.random() >= 0.2:
+            self.cell = max(self.cell + (1 if action else -1), 0)
+        if self.cell == 5:
+            return GOAL
+        return CUT - self.cell if self.time == self.limit else self.cell
+
+
+@pytest.mark.parametrize("shaped", [False, True])
+def test_what_a_world_cuts_off_is_learned_as_what_the_horizon_cuts_off(shaped: bool) -> None:
+    potential = np.linspace(0, 0.5, 5) if shaped else None
+
+    def learned_with(limit: int, horizon: int) -> Any:
+        worlds = PythonWorlds(lambda task, _: Corridor(limit), 5, 2, np.ones((1, 4), np.uint64))
+        return learn(
+            worlds,
+            dataclasses.replace(LEARNING, horizon=horizon),
+            Start(np.zeros((5, 2)), potential),
+            chance([0]),
+            Records(60, True, True, evaluate_every=20),
+            Watch(),
+        )
+
+    own, horizons = learned_with(7, 30), learned_with(0, 7)
+    for name in ("q", "td_var", "visits", "steps", "reached", "evaluation_steps", "evaluation_reached"):
+        np.testing.assert_array_equal(getattr(own, name), getattr(horizons, name))
+    assert 0 < own.reached.sum() < 60
+    assert own.steps[own.reached == 0].min() == own.steps.max() == 7
 
 
 class Broken:

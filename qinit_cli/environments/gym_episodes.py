@@ -1,0 +1,212 @@
+"""Episodes that gymnasium plays: step by step for the learner, and twice over to see whether they can be played again."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from qinit_cli.environments.foreign import OutOfSpace, aside, fault
+from qinit_cli.environments.gym_making import Settings, close, has_table, opened
+from qinit_cli.environments.gym_tables import SURVIVED, verdict
+from qinit_cli.errors import NotAllowed
+
+TRIED_STEPS = 200  # of the episodes that are played twice: some milliseconds of a task
+KEPT = 65_536  # tasks of which it is remembered that they can be played again
+
+
+class Episodes:
+    """One task, simulated by gymnasium; every episode is reset with a seed of its own. NotAllowed where the environment fails."""
+
+    def __init__(self, env_id: str, env: Any, seen: Callable[[Any], int], goal: str, horizon: int) -> None:
+        self._id, self._env, self._seen, self._horizon = env_id, env, seen, horizon
+        self._reached, self._survival = verdict(goal), goal == SURVIVED
+        self._time = 0
+
+    def start(self, seed: int) -> int:
+        """The table's state in which an episode of this seed begins."""
+        self._time = 0
+        return reset_state(self._id, self._env, seed, self._seen)
+
+    def step(self, action: int) -> int:
+        """The state that the action leads to, GOAL, LOST, or CUT less the state in which the environment cuts the episode off."""
+        from qinit_cli.kernels.stepping import CUT, GOAL, LOST
+
+        try:
+            observation, reward, terminated, truncated, _ = self._env.step(action)
+            self._time += 1
+            if terminated:
+                return GOAL if self._reached(float(reward)) else LOST
+            if self._survival and self._time == self._horizon:
+                return GOAL
+            if not truncated:
+                return self._seen(observation)
+            if self._survival:
+                raise NotAllowed(
+                    f"{self._id} cut an episode off after {self._time} steps, and --goal survived makes the horizon of "
+                    f"{self._horizon} the goal; give --horizon {self._time}"
+                )
+            return CUT - self._seen(observation)
+        except (Exception, SystemExit) as error:
+            raise fault(self._id, f"step({action})", error) from error
+
+    def close(self) -> None:
+        """Closes the environment."""
+        close(self._env, self._id)
+
+
+@dataclass
+class OneAtATime:
+    """The episodes of the task that is learned: those of the task before it are closed. Entered while tasks are learned."""
+
+    of: Callable[[int, int], Episodes]  # a task's place in the batch, and the horizon
+    _now: Episodes | None = None
+
+    def __call__(self, place: int, horizon: int) -> Episodes:
+        """The task's episodes."""
+        self._leave()
+        self._now = self.of(place, horizon)
+        return self._now
+
+    def __enter__(self) -> OneAtATime:
+        self._aside = aside()
+        self._aside.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        try:
+            self._leave()
+        except NotAllowed:
+            if kind is None:  # else what ended the learning is told
+                raise
+        finally:
+            self._aside.__exit__(None, None, None)
+
+    def _leave(self) -> None:
+        now, self._now = self._now, None
+        if now is not None:
+            now.close()
+
+
+def reset_state(env_id: str, env: Any, seed: int, seen: Callable[[Any], int]) -> int:
+    """The table's state that a reset with this seed leads to; NotAllowed where the environment fails."""
+    try:
+        observation, _ = env.reset(seed=seed)
+        return seen(observation)
+    except (Exception, SystemExit) as error:
+        raise fault(env_id, f"reset(seed={seed})", error) from error
+
+
+def numbered(observation: Any, first: int, states: int) -> int:
+    """The row of the table that a numbered observation has; OutOfSpace where it is none of them."""
+    try:
+        number = operator.index(observation) - first
+    except TypeError:
+        number = -1
+    if not 0 <= number < states:  # the compiled loop would write beyond its table
+        raise OutOfSpace(
+            f"the environment observed {observation}, which is none of the {states} states that it says it has"
+        )
+    return number
+
+
+@lru_cache(KEPT)
+def shortest_cut(env_id: str, settings: Settings) -> int:
+    """Steps after which the environment was first seen to cut an episode off, 0: never, where it is the same made twice.
+
+    It is made twice, and both play the same episodes step by step in turn, so that chance they share shows too. NotAllowed
+    where their tables, numbers, observations, rewards or ends differ: no seed could bring such a task back.
+    """
+    import numpy as np
+
+    with opened(env_id, settings) as one, opened(env_id, settings) as other:
+        both = _Both(env_id, settings, one, other)
+        actions = np.random.Generator(np.random.PCG64(0)).integers(int(one.action_space.n), size=TRIED_STEPS)
+        seed = time = cut = 0
+        begins = True
+        for action in actions.tolist():
+            if begins:
+                both.give(f"reset(seed={seed})", _reset, seed)
+                both.expect_alike()
+                seed, time = seed + 1, 0
+            _, _, terminated, truncated = both.give(f"step({action})", _step, action)
+            time += 1
+            begins = bool(terminated or truncated)
+            if truncated and not terminated:
+                cut = min(cut or time, time)
+        return cut
+
+
+@dataclass(frozen=True)
+class _Both:
+    """An environment that was made twice."""
+
+    env_id: str
+    settings: Settings
+    one: Any
+    other: Any
+
+    def give(self, call: str, does: Callable[[Any, int], Any], value: int) -> Any:
+        """What a call gives in both; NotAllowed where that differs."""
+        try:
+            mine, theirs = does(self.one, value), does(self.other, value)
+        except (Exception, SystemExit) as error:
+            raise fault(self.env_id, call, error) from error
+        if not _same(mine, theirs):
+            raise self._unlike(f"what {call} gives")
+        return mine
+
+    def expect_alike(self) -> None:
+        """NotAllowed where their tables or numbers differ after both were reset with one seed."""
+        mine, theirs = self.one.unwrapped, self.other.unwrapped
+        if has_table(self.one) and not (
+            _same(mine.P, theirs.P) and _same(mine.initial_state_distrib, theirs.initial_state_distrib)
+        ):
+            raise self._unlike("its table P")
+        for name, value in getattr(mine, "__dict__", {}).items():
+            if _is_number(value) and not _same(value, getattr(theirs, name, None)):
+                raise self._unlike(f"its {name}")
+
+    def _unlike(self, difference: str) -> NotAllowed:
+        return NotAllowed(
+            f"{self.env_id} with {self.settings.told} is not the same when it is made and played twice: {difference} "
+            "differs; all its chance must come from reset(seed=...), or what it draws must be given by --set"
+        )
+
+
+def _reset(env: Any, seed: int) -> Any:
+    observation, _ = env.reset(seed=seed)
+    return observation
+
+
+def _step(env: Any, action: int) -> Any:
+    observation, reward, terminated, truncated, _ = env.step(action)
+    return observation, reward, terminated, truncated
+
+
+def _is_number(value: Any) -> bool:
+    import numpy as np
+
+    if isinstance(value, np.ndarray | np.generic):
+        return value.dtype.kind in "biuf"
+    return isinstance(value, int | float)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two things are equal, through dicts, lists and arrays; what is no number is equal to itself."""
+    if isinstance(one, dict):
+        return (
+            isinstance(other, dict)
+            and one.keys() == other.keys()
+            and all(_same(one[k], other[k]) for k in one)
+        )
+    if isinstance(one, list | tuple):
+        return isinstance(other, list | tuple) and len(one) == len(other) and all(map(_same, one, other))
+    if one is None or isinstance(one, int | float | str):
+        return bool(one == other or (one != one and other != other))
+    import numpy as np
+
+    mine, theirs = np.asarray(one), np.asarray(other)
+    return np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == theirs.dtype.kind == "f")

@@ -1,0 +1,208 @@
+"""Environments as gymnasium makes them, with all that stands around them, and with arguments and attributes as set."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from qinit_cli.environments.foreign import aside, calling, told
+from qinit_cli.environments.modules import registered_id
+from qinit_cli.errors import UsageError
+
+# wrappers that change nothing of what happens before an episode is cut off
+TRANSPARENT = {
+    "HumanRendering",
+    "OrderEnforcing",
+    "PassiveEnvChecker",
+    "RecordEpisodeStatistics",
+    "RecordVideo",
+    "RenderCollection",
+    "TimeLimit",
+}
+
+
+class Settings(tuple[tuple[str, Any], ...]):
+    """Names and values that an environment is made with; equal where they are written alike.
+
+    So a list can stand among the keys of a cache, and 1, 1.0 and True are three values.
+    """
+
+    def __hash__(self) -> int:
+        return hash(repr(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Settings) and repr(self) == repr(other)
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        return ", ".join(f"{name}={value}" for name, value in self) or "its defaults"
+
+
+NOTHING_SET = Settings()
+
+
+@contextmanager
+def opened(env_id: str, settings: Settings) -> Iterator[Any]:
+    """The environment, closed behind whoever uses it; what it prints goes to stderr, and what it raises bears its name."""
+    with aside():
+        env = made(env_id, settings)
+        try:
+            yield env
+        except BaseException:
+            with suppress(Exception):  # what ended the work before it is told
+                env.close()
+            raise
+        close(env, env_id)
+
+
+def close(env: Any, env_id: str) -> None:
+    """Closes it; NotAllowed where it raises."""
+    with calling(env_id, "close()"):
+        env.close()
+
+
+def made(env_id: str, settings: Settings) -> Any:
+    """The environment that gymnasium makes, constructor arguments and attributes as set; UsageError where that cannot be."""
+    try:
+        import gymnasium
+    except ImportError as error:
+        raise UsageError("gym needs the package gymnasium: pip install 'qinit[gym]'") from error
+    bare = registered_id(env_id)
+    with aside():
+        try:
+            spec = gymnasium.spec(bare)
+            creator: Any = spec.entry_point
+            kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
+            known = _arguments(kind)
+            given = {name: copy.deepcopy(value) for name, value in settings if name in known}
+            _check_flags(env_id, kind, given)
+            env = gymnasium.make(bare, disable_env_checker=True, **given)
+        except UsageError:
+            raise
+        except gymnasium.error.UnregisteredEnv as error:
+            hint = "" if ":" in env_id else f"; if a module of yours registers it, write MODULE:{env_id}"
+            raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}{hint}") from error
+        except gymnasium.error.Error as error:
+            raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}") from error
+        except (Exception, SystemExit) as error:  # of any kind: the environment is somebody else's
+            raise UsageError(f"gymnasium cannot make {env_id}: {told(error)}") from error
+        for name, value in settings:
+            if name not in given:
+                _set(env, env_id, name, copy.deepcopy(value), known)
+    return env
+
+
+def wrappers(env: Any) -> Iterator[Any]:
+    """What stands around the environment, from the outside in."""
+    import gymnasium
+
+    while isinstance(env, gymnasium.Wrapper):
+        yield env
+        env = env.env
+
+
+def time_limit(env: Any) -> int:
+    """Steps after which gymnasium's own wrapper cuts an episode off; 0: never."""
+    import gymnasium
+
+    limits = [
+        int(each._max_episode_steps)
+        for each in wrappers(env)
+        if isinstance(each, gymnasium.wrappers.TimeLimit)
+    ]
+    return min(limits, default=0)
+
+
+def has_table(env: Any) -> bool:
+    """Whether all that it does stands in a table: nothing around it changes what the table says."""
+    return _owns_table(env.unwrapped) and all(_is_transparent(each) for each in wrappers(env))
+
+
+def numbers(env: Any) -> dict[str, Any]:
+    """The numbers of an unwrapped environment that can be set, its classes' among them, by name."""
+    import gymnasium
+
+    found: dict[str, Any] = {}
+    for kind in reversed(type(env).__mro__):
+        if kind is not object and kind is not gymnasium.Env:
+            found |= vars(kind)
+    for name, there in list(found.items()):
+        if isinstance(there, property):
+            found[name] = getattr(env, name, None) if there.fset is not None else None
+    found |= getattr(env, "__dict__", {})
+    return {
+        name: value
+        for name, value in found.items()
+        if isinstance(value, int | float) and not name.startswith("_")
+    }
+
+
+def _is_transparent(wrapper: Any) -> bool:
+    import gymnasium
+
+    return any(type(wrapper) is getattr(gymnasium.wrappers, name, None) for name in TRANSPARENT)
+
+
+def _owns_table(bare: Any) -> bool:
+    return isinstance(getattr(bare, "P", None), dict) and hasattr(bare, "initial_state_distrib")
+
+
+def _plain(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _arguments(kind: Callable[..., Any]) -> list[str]:
+    """The names of a constructor's arguments; of one that hands others on, also those of the classes it is made from."""
+    classes = kind.__mro__ if isinstance(kind, type) else (kind,)
+    names: list[str] = []
+    for each in classes:
+        if isinstance(each, type) and "__init__" not in vars(each):
+            continue
+        parameters = inspect.signature(each).parameters.values()
+        names += [one.name for one in parameters if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
+        if not any(one.kind is one.VAR_KEYWORD for one in parameters):
+            break
+    return list(dict.fromkeys(names))
+
+
+def _check_flags(env_id: str, kind: Callable[..., Any], given: dict[str, Any]) -> None:
+    """UsageError where an argument that is true or false is drawn: any number but 0 would be true."""
+    parameters = inspect.signature(kind).parameters
+    for name, value in given.items():
+        if name in parameters and isinstance(parameters[name].default, bool) and isinstance(value, float):
+            raise UsageError(
+                f"{name} of {env_id} is True or False, no number: --set {name}=True, or vary another"
+            )
+
+
+def _set(env: Any, env_id: str, name: str, value: Any, known: Iterable[str]) -> None:
+    bare = env.unwrapped
+    there = numbers(bare)
+    if name not in there:
+        raise UsageError(_no_such(env, env_id, name, known, there))
+    if _owns_table(bare):
+        raise UsageError(
+            f"{env_id} has made its transitions by the time that {name} could be set; "
+            f"what its constructor takes can change: {', '.join(known)}"
+        )
+    with calling(env_id, f"setting {name}={value!r}"):
+        setattr(bare, name, value)
+
+
+def _no_such(env: Any, env_id: str, name: str, known: Iterable[str], there: dict[str, Any]) -> str:
+    takes = (
+        f"its constructor takes {', '.join(known) or 'nothing'}; its numbers are {', '.join(there) or 'none'}"
+    )
+    if isinstance(getattr(type(env.unwrapped), name, None), property):
+        return f"{name} of {env_id} is computed and cannot be set: {takes}"
+    for each in wrappers(env):
+        if name in vars(each):
+            return (
+                f"{name} belongs to {type(each).__name__}, which stands around {env_id}; only numbers of the "
+                f"environment itself can be set: {takes}"
+            )
+    return f"{env_id} has no {name}: {takes}"

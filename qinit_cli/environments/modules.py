@@ -1,0 +1,91 @@
+"""Modules that make environments known, imported where the person at the keyboard names them, and never because a file does.
+
+An id is written MODULE:ID. A module that is in `sys.modules` was imported by somebody who may; any other must be named.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.environments.foreign import aside, told
+from qinit_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Integers
+    from qinit_cli.kernels.batch import Watch
+
+    Learn = Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
+
+MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+
+_NAMED: dict[str, None] = {}  # modules that were named in this process, in order
+_MAKERS: dict[str, str] = {}  # ids that a named module registered, and which it was
+
+
+def import_named(names: Iterable[str]) -> None:
+    """Imports the modules, what they print going to stderr; UsageError, one sentence, where one cannot be."""
+    for name in names:
+        if not MODULE.fullmatch(name):
+            raise UsageError(f"--import {name}: write a module's name, such as my_environments")
+        before = _registered()
+        try:
+            with aside():
+                importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
+                raise UsageError(
+                    f"there is no module {name}; put the folder that holds it on PYTHONPATH"
+                ) from error
+            raise UsageError(f"importing {name} raised {told(error)}") from error
+        except (Exception, SystemExit) as error:  # of any kind: the module is somebody else's
+            raise UsageError(f"importing {name} raised {told(error)}") from error
+        _NAMED[name] = None
+        _MAKERS.update(dict.fromkeys(_registered() - before, name))
+
+
+def with_module(env_id: str) -> str:
+    """The id as it was typed, its module imported; of an id without one MODULE:ID, if a named module has registered it."""
+    module, colon, _ = env_id.rpartition(":")
+    if colon:
+        import_named([module])
+        return env_id
+    maker = _MAKERS.get(env_id)
+    return env_id if maker is None else f"{maker}:{env_id}"
+
+
+def registered_id(env_id: str) -> str:
+    """The id without its module; UsageError, with what to give, where nobody has imported that."""
+    module, _, bare = env_id.rpartition(":")
+    if module and module not in sys.modules:
+        raise UsageError(
+            f"{env_id} comes from the module {module}, which is imported only where it is named: give --import {module}"
+        )
+    return bare
+
+
+@dataclass(frozen=True)
+class Importing:
+    """A learner that travels to another process, with the modules that were named in this one."""
+
+    modules: tuple[str, ...]
+    learn: Learn
+
+    def __call__(self, indices: Integers, watch: Watch) -> tuple[Integers, dict[str, Any]]:
+        """What the learner learns."""
+        import_named(self.modules)
+        return self.learn(indices, watch)
+
+
+def travelling(learn: Learn) -> Learn:
+    """The learner as another process may take it."""
+    return Importing(tuple(_NAMED), learn) if _NAMED else learn
+
+
+def _registered() -> set[str]:
+    gymnasium = sys.modules.get("gymnasium")
+    return set() if gymnasium is None else set(gymnasium.registry)
