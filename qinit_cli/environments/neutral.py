@@ -147,11 +147,23 @@ class TableFamily(NeutralFamily):
         first: Floats = np.eye(1, int(np.prod(self.shape)))[0]
         return first
 
+    def _tables(self, tasks: Tasks) -> Tables:
+        """The same; NotAllowed where they are not of these tasks, states and actions, which the kernels take for granted."""
+        import math
+
+        there = self.tables(tasks)
+        wanted = (len(tasks), math.prod(self.shape), len(self.actions))
+        if there.after.shape[:3] != wanted:
+            raise NotAllowed(
+                f"{self.name} gives tables of {there.after.shape[:3]} tasks, states and actions, where there are {wanted}"
+            )
+        return there
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them."""
         from qinit_cli.kernels.dice import seeds
 
-        return self.tables(tasks).worlds(seeds(own))
+        return self._tables(tasks).worlds(seeds(own))
 
     def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
         """Exact Q* and the variance of a step's target under it, (B, S, A) each; Gauss-Seidel value iteration."""
@@ -159,7 +171,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         q = np.empty(there.after.shape[:3])
         td_var = np.empty_like(q)
         tables_exact.solve(there.after, there.chance, there.open, gamma, EXACT_TOLERANCE, q, td_var)
@@ -171,7 +183,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         value = np.empty(q.shape[:2])
         tables_exact.exploring_value(
             there.after,
@@ -200,7 +212,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         eopl = np.empty(q.shape, np.int32)
         tables_exact.path_lengths(there.after, there.chance, there.open, q, eopl)
         return eopl
@@ -211,7 +223,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         share = np.empty(len(tasks))
         tables_exact.arrival(there.after, there.chance, there.start, q, horizon, share)
         likely: Flags = share >= LIKELY
@@ -223,7 +235,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         visits = np.empty(q.shape[:2], np.int32)
         tables_exact.greedy_visits(there.after, there.chance, there.start, q, horizon, visits)
         return visits
@@ -234,7 +246,7 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self.tables(tasks)
+        there = self._tables(tasks)
         steps = np.empty(len(tasks), np.int64)
         tables_exact.distances(there.after, there.chance, there.start, steps)
         possible: Flags = (steps > 0) & (steps <= horizon)

@@ -10,18 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats
+from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.dice import Words, below, unit
-from qinit_cli.kernels.stepping import SteppedWorlds, starts, steps
+from qinit_cli.kernels.stepping import LOST, SteppedWorlds, starts, steps
+
+ROUNDING = 1e-9  # of chances that were added up or divided
 
 
 @dataclass(frozen=True)
 class Tables:
-    """Where the steps of B tasks lead: up to O outcomes of each action in each state, those that are not there of chance 0."""
+    """Where the steps of B tasks lead: up to O outcomes of each action in each state, those that are not there of chance 0.
+
+    NotAllowed where a kernel could not take them, naming the first task, state and action that are wrong: next states that
+    are none, chances that are not finite and positive or do not sum to 1. The rows of states that are not open are not summed.
+    """
 
     after: NDArray[np.int32]  # (B, S, A, O) the next state, stepping.GOAL or stepping.LOST
     chance: Floats  # (B, S, A, O), 1 in sum
     start: Floats  # (B, S) chance that a target's episode starts there
     open: Flags  # (B, S) episodes go on there: where "anywhere" may start
+
+    def __post_init__(self) -> None:
+        if fault := _fault(self):
+            raise NotAllowed(f"a table of transitions cannot be learned: {fault}")
 
     def __len__(self) -> int:
         return len(self.after)
@@ -74,3 +85,50 @@ def _cumulative(chances: Floats) -> Floats:
     following = np.concatenate([rest[..., 1:], np.zeros_like(rest[..., :1])], axis=-1)
     sums[following == 0] = 2.0
     return sums
+
+
+def _fault(tables: Tables) -> str:
+    """The first thing that is wrong with them, with its place; empty if nothing."""
+    after, chance, start, open = tables.after, tables.chance, tables.start, tables.open
+    if after.ndim != 4 or chance.shape != after.shape or not start.shape == open.shape == after.shape[:2]:
+        shapes = ", ".join(str(each.shape) for each in (after, chance, start, open))
+        return (
+            f"after, chance, start and open have the shapes {shapes}, not (B, S, A, O) twice and (B, S) twice"
+        )
+    if after.dtype.kind not in "iu" or open.dtype.kind != "b":
+        return f"after and open are of {after.dtype} and {open.dtype}, not of integers and of bool"
+    states = after.shape[1]
+    nowhere = (after < LOST) | (after >= states)
+    improper = ~((chance >= -ROUNDING) & (chance <= 1 + ROUNDING))  # NaN is neither
+    unlikely = open[..., None] & ~(np.abs(chance.sum(axis=-1) - 1) <= ROUNDING)
+    if nowhere.any():
+        place = _first(nowhere)
+        return (
+            f"{_told(place)} leads to state {after[place]}, of {states} states (-1 is the goal, -2 is lost)"
+        )
+    if improper.any():
+        place = _first(improper)
+        return f"{_told(place)} has an outcome of chance {chance[place]:g}, which is not within 0 and 1"
+    if unlikely.any():
+        place = _first(unlikely)
+        return f"{_told(place)} has outcomes whose chances sum to {chance[place].sum():g}, not 1"
+    improper = ~((start >= -ROUNDING) & (start <= 1 + ROUNDING))
+    if improper.any():
+        task, state = _first(improper)
+        return f"task {task} of the batch starts in state {state} with chance {start[task, state]:g}, which is not within 0 and 1"
+    unlikely = ~(np.abs(start.sum(axis=-1) - 1) <= ROUNDING)
+    if unlikely.any():
+        task = _first(unlikely)[0]
+        return f"the chances of where task {task} of the batch starts sum to {start[task].sum():g}, not 1"
+    closed = np.asarray(~open.any(axis=-1))
+    if closed.any():
+        return f"task {_first(closed)[0]} of the batch has no state in which its episodes go on"
+    return ""
+
+
+def _first(wrong: Flags) -> tuple[int, ...]:
+    return tuple(int(at) for at in np.unravel_index(int(wrong.argmax()), wrong.shape))
+
+
+def _told(place: tuple[int, ...]) -> str:
+    return f"action {place[2]} in state {place[1]} of task {place[0]} of the batch"
