@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from qinit_cli.arrays import Floats
+from qinit_cli.analysis.multiplicity import holm
+from qinit_cli.arrays import Flags, Floats, Integers
 
 RESAMPLES = 10_000
 
@@ -32,6 +33,22 @@ def sign_flip_p(differences: Floats, rng: np.random.Generator, resamples: int = 
         )
         extreme += np.count_nonzero(np.abs((2.0 * bits - 1.0) @ differences) >= observed, axis=0)
     return extreme / patterns if exact else (extreme + 1) / (patterns + 1)
+
+
+def least_p(units: int, resamples: int = RESAMPLES) -> float:
+    """The smallest p that `sign_flip_p` can give of so many units: 2 / 2^n, as both signs of all of them are as extreme."""
+    return 2.0 / 2**units if 2**units <= resamples else 1.0 / (resamples + 1)
+
+
+def can_be_small(units: Integers, level: float) -> Flags:
+    """Whether each of M tests, of so many units (M,), could come to the level at all after Holm's correction, (M,)."""
+    return holm(np.array([least_p(int(each)) for each in units])) <= level
+
+
+def fewest_units(tests: int, level: float) -> int:
+    """How many units each of so many tests needs to be able to come to the level after Holm's correction; 0 if none is enough."""
+    enough = (units for units in range(1, RESAMPLES.bit_length() + 1) if tests * least_p(units) <= level)
+    return next(enough, 0)
 
 
 def _all_bits(first: int, size: int, targets: int) -> Floats:

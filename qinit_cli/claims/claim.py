@@ -37,7 +37,7 @@ class Finding:
     low: float = math.nan  # of the 95 % interval
     high: float = math.nan
     sets: int = 0  # source sets; 0 where none is read
-    holds: bool | None = None  # None where it is told beside the claim and does not decide
+    holds: bool | None = None  # None where it is told beside the claim, or too few sets could tell
 
     def detail(self) -> Detail:
         """The row of it."""
@@ -160,7 +160,9 @@ class Claim:
 
     def _wanted(self, findings: Sequence[Finding], lacking: Sequence[Need]) -> str:
         """Which artefacts are lacking, and the command that makes them."""
-        unsound = [f for f in findings if _need(f) in lacking and f.holds is not None]
+        unsound = [
+            f for f in findings if _need(f) in lacking and (f.holds is not None or 0 < f.sets < self.sets)
+        ]
         few = [finding for finding in unsound if 0 < finding.sets < self.sets]
         absent = [need for need in lacking if need not in map(_need, unsound)]
         lacks = []

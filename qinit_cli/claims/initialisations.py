@@ -58,10 +58,13 @@ def against(method: str, *others: str) -> list[Pair]:
 def pair_findings(
     setting: Setting, scores: Scores, deciding: Sequence[Pair], beside: Sequence[Pair] = ()
 ) -> Iterator[Finding]:
-    """A row for each pair there is; the claim holds where the first is ahead. Holm's correction is over the deciding pairs."""
+    """A row for each pair there is; the claim holds where the first is ahead. Holm's correction is over the deciding pairs.
+
+    A pair that too few source sets could tell apart does not decide.
+    """
     for pairs, decides in ((deciding, True), (beside, False)):
         for pair, found in scores.contrasts(pairs).items():
-            yield _row(setting, minus(pair), found, found.above if decides else None)
+            yield _row(setting, minus(pair), found, found.above if decides and found.tested else None)
 
 
 def best(evidence: Evidence) -> Iterator[Finding]:
@@ -85,7 +88,8 @@ def third(evidence: Evidence) -> Iterator[Finding]:
             worst_rank = len(INITIALISATIONS) - sum(found.above for found in contrasts.values())
             rank = 1 + sum(found.value < 0 for found in contrasts.values())
             sets = min(found.sets for found in contrasts.values())
-            holds = best_rank == worst_rank == 3 if setting.distribution in CLAIMED else None
+            decides = setting.distribution in CLAIMED and all(found.tested for found in contrasts.values())
+            holds = best_rank == worst_rank == 3 if decides else None
             yield Finding(setting, THIRD, rank, best_rank, worst_rank, sets, holds)
         for pair, found in contrasts.items():
             yield _row(setting, minus(pair), found, None)

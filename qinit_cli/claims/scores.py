@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from qinit_cli.analysis import intervals
 from qinit_cli.analysis.multiplicity import holm
-from qinit_cli.analysis.permutation import sign_flip_p
+from qinit_cli.analysis.permutation import can_be_small, sign_flip_p
 from qinit_cli.arrays import Floats
 from qinit_cli.seeding import Stream, generator
 
@@ -34,8 +35,13 @@ class Contrast:
     value: float
     low: float
     high: float
-    p: float
+    p: float  # NaN where it could not come to LEVEL, however large the difference
     sets: int  # source sets; 0 where neither method reads any
+
+    @property
+    def tested(self) -> bool:
+        """Whether there were enough source sets, or targets, to tell the methods apart at all."""
+        return not math.isnan(self.p)
 
     @property
     def above(self) -> bool:
@@ -62,10 +68,14 @@ class Scores:
         if not differences:
             return {}
         raw = np.array([_p(values) for values in differences.values()])
+        units = np.array(
+            [values.shape[1] if len(values) == 1 else len(values) for values in differences.values()]
+        )
+        adjusted = np.where(can_be_small(units, LEVEL), holm(raw), np.nan)
         bounds = self._bounds(differences)
         return {
             pair: Contrast(*bounds[pair], p=float(p), sets=self._sets(pair, values))
-            for (pair, values), p in zip(differences.items(), holm(raw), strict=True)
+            for (pair, values), p in zip(differences.items(), adjusted, strict=True)
         }
 
     def mean(self, label: str) -> float:

@@ -93,6 +93,9 @@ def compare(
                 caption=tables.caption(comparison, metric),
             )
         return
+    for comparison in comparisons:
+        if comparison.untested:
+            note(display, f"{comparison.title}: {comparison.untested}")
     whole = told(comparisons, metric)
     print_table(SCHEMA, columns, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
 
@@ -104,7 +107,13 @@ def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "intervals": [
-            {"targets": one.title, "over": one.intervals, "baseline": one.baseline} for one in comparisons
+            {
+                "targets": one.title,
+                "over": one.intervals,
+                "baseline": one.baseline,
+                "untested": one.untested or None,
+            }
+            for one in comparisons
         ],
         "rows": [row for one in comparisons for row in tables.rows(one, metric)],
     }

@@ -58,7 +58,7 @@ def for_people(columns: list[TableColumn]) -> list[TableColumn]:
 
 
 def caption(comparison: Comparison, metric: str) -> str:
-    """What the intervals are over, who is worse than learning from zero, why a ratio is missing, and what the marks mean."""
+    """What the intervals are over, who is worse than learning from zero, why a ratio or p is missing, and what the marks mean."""
     rows = comparison.rows
     lines = [comparison.intervals]
     worse = [row.label for row in rows if row.negative_transfer]
@@ -70,6 +70,8 @@ def caption(comparison: Comparison, metric: str) -> str:
         )
     if any(row.difference is not None and row.ratio is None for row in rows):
         lines.append(f"no transfer ratio where the interval of {comparison.baseline} touches 0")
+    if comparison.untested:
+        lines.append(comparison.untested)
     lines += [f"{MARKS[remark]} {remark}" for remark in MARKS if any(row.remark == remark for row in rows)]
     return "\n".join(lines)
 

@@ -42,7 +42,12 @@ def tables(compared: Compared) -> Iterator[Block]:
         rest = [key for key in known if key not in first]
         marks = [MEANINGS[mark] for mark in MARKS if any(mark in row["remark"] for row in rows)]
         steps = [RESTRICTED] if "restricted_steps" in first else []
-        notes = [*([f"{over[0].upper()}{over[1:]}."] if over else []), *steps, *marks]
+        notes = [
+            *([f"{over[0].upper()}{over[1:]}."] if over else []),
+            *_untested(compared, targets),
+            *steps,
+            *marks,
+        ]
         yield _table(targets, rows, first, baseline, [" ".join(notes)] if notes else [])
         if rest:
             more = _table(f"{targets}: further measures", rows, rest, baseline, [])
@@ -85,6 +90,12 @@ def _told(compared: Compared, targets: str) -> tuple[str, str]:
         if one["targets"] == targets:
             return one["over"], one["baseline"] or ""
     return "", ""
+
+
+def _untested(compared: Compared, targets: str) -> list[str]:
+    """Why rows of a set of targets have no p, a sentence; nothing where all have one."""
+    told = [one.get("untested") for one in compared["intervals"] if one["targets"] == targets]
+    return [f"{why}." for why in told if why]
 
 
 def _worse(row: Row, fewest: bool) -> bool:

@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
+from qinit_cli.analysis.permutation import can_be_small, fewest_units
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
@@ -15,10 +17,15 @@ from qinit_cli.stages.estimates import Chance, Estimate, Estimates, estimates
 from qinit_cli.stages.scores import Metric, Scores, attainable, scores
 from qinit_cli.stages.source_sets import Entry, Group, grouped
 
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Integers
+
+LEVEL = 0.05  # a p that cannot come to it tells nothing
+
 
 @dataclass(frozen=True)
 class Row(Estimates):
-    """One method against the baseline; its p adjusted by Holm over the rows."""
+    """One method against the baseline; its p adjusted by Holm over the rows, None where it could not come to LEVEL."""
 
     label: str
     remark: str  # what a reader must know of the method
@@ -40,6 +47,7 @@ class Comparison:
     episodes: int
     rows: tuple[Row, ...]
     baseline: str | None
+    untested: str  # why a row with a difference has no p, in words; empty where all have one
 
 
 def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
@@ -82,8 +90,9 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
         sets=group.sets,
         targets=targets,
         episodes=episodes,
-        rows=_holm(rows),
+        rows=_holm(rows, targets),
         baseline=None if base is None else base.label,
+        untested=_untested(rows, targets),
     )
 
 
@@ -176,13 +185,39 @@ def _worse(difference: Estimate | None, metric: Metric) -> bool | None:
     return difference.low > 0 if metric == "steps" else difference.high < 0
 
 
-def _holm(rows: list[Row]) -> tuple[Row, ...]:
-    """The rows with their p adjusted for how many there are."""
+def _holm(rows: list[Row], targets: int) -> tuple[Row, ...]:
+    """The rows with their p adjusted for how many there are; None where it could not come to LEVEL whatever the differences."""
     import numpy as np
 
     from qinit_cli.analysis.multiplicity import holm
 
-    adjusted = holm(np.array([np.nan if row.p is None else row.p for row in rows]))
-    return tuple(
-        row if row.p is None else replace(row, p=float(p)) for row, p in zip(rows, adjusted, strict=True)
-    )
+    tested = [row for row in rows if row.p is not None]
+    adjusted = holm(np.array([row.p for row in tested], np.float64))
+    small = can_be_small(_units(tested, targets), LEVEL)
+    known = {
+        row.label: float(p) if can else None for row, p, can in zip(tested, adjusted, small, strict=True)
+    }
+    return tuple(replace(row, p=known.get(row.label)) for row in rows)
+
+
+def _untested(rows: list[Row], targets: int) -> str:
+    """Why some rows have no p: how many units the sign-flip test would need."""
+    tested = [row for row in rows if row.p is not None]
+    short = [
+        row for row, can in zip(tested, can_be_small(_units(tested, targets), LEVEL), strict=True) if not can
+    ]
+    if not short:
+        return ""
+    of = "targets" if all(row.sets == 1 for row in short) else "source sets"
+    there = f"{len(tested)} method{'s' if tested[1:] else ''}"
+    fewest = fewest_units(len(tested), LEVEL)
+    if not fewest:
+        return f"p: over {there} no number of {of} lets the sign-flip test reach {LEVEL:g}"
+    return f"p: at least {fewest} {of} are needed for the sign-flip test over {there} to reach {LEVEL:g}"
+
+
+def _units(rows: list[Row], targets: int) -> Integers:
+    """What the test of each row flips the signs of, (M,): the targets of one source set, else whole sets."""
+    import numpy as np
+
+    return np.array([targets if row.sets == 1 else row.sets for row in rows], np.int64)

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis import permutation
-from qinit_cli.analysis.permutation import sign_flip_p
+from qinit_cli.analysis.permutation import can_be_small, fewest_units, least_p, sign_flip_p
 
 
 @pytest.mark.parametrize("at_once", [1_000_000, 100])
@@ -49,3 +49,21 @@ def test_p_is_uniform_where_the_methods_are_equal_and_never_nought() -> None:
 def test_equal_methods_have_p_one() -> None:
     assert sign_flip_p(np.zeros((5, 1)), np.random.default_rng(0))[0] == 1
     assert sign_flip_p(np.zeros((200, 1)), np.random.default_rng(0), resamples=99)[0] == 1
+
+
+def test_the_least_p_is_what_the_test_gives_where_all_differences_are_alike() -> None:
+    for units in (1, 2, 6, 13, 20):
+        alike = sign_flip_p(np.ones((units, 1)), np.random.default_rng(0))[0]
+        assert least_p(units) == alike
+
+
+def test_enough_units_are_those_that_holm_lets_come_to_the_level() -> None:
+    assert fewest_units(1, 0.05) == 6  # 2/64; of five units 2/32 is above
+    assert fewest_units(4, 0.05) == 8  # 4 * 2/256; of seven 4 * 2/128 is above
+    assert fewest_units(500, 0.05) == 14  # 500/10,001
+    assert fewest_units(501, 0.05) == 0
+    assert can_be_small(np.array([8] * 4), 0.05).all()
+    assert not can_be_small(np.array([7] * 4), 0.05).any()
+    # five units of 1 test that comes last by Holm: 2/32 itself is above; six come to it behind the others
+    assert can_be_small(np.array([14, 14, 6, 5]), 0.05).tolist() == [True, True, False, False]
+    assert can_be_small(np.array([14, 14, 6]), 0.05).tolist() == [True, True, True]

@@ -10,7 +10,9 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
 from qinit_cli.claims import over_sets
+from qinit_cli.claims.initialisations import pair_findings
 from qinit_cli.claims.scores import Arm, Scores
+from qinit_cli.claims.setting import Setting
 
 PAIRS = [("logqinit-median", "ucoi"), ("logqinit-median", "zero"), ("ucoi", "zero")]
 MEANS = {"logqinit-median": 0.0302, "ucoi": 0.03, "zero": 0.02}
@@ -90,3 +92,15 @@ def test_what_is_not_testable_does_not_count() -> None:
     found = over_sets.share_rejected(np.array([0.01, np.nan, 0.5]))
     assert (found.value, found.sets) == (0.5, 2)
     assert over_sets.mean(np.array([np.nan])).sets == 0
+
+
+def test_what_too_few_source_sets_could_tell_apart_is_not_tested(
+    scores: Callable[..., Scores], setting: Callable[..., Setting]
+) -> None:
+    few = scores(MEANS, sets=6)  # three pairs: 3 * 2/64 is above .05
+    assert [found.tested for found in few.contrasts(PAIRS).values()] == [False] * 3
+    assert few.contrasts(PAIRS[1:2])[PAIRS[1]].p == 2 / 64
+    assert [row.holds for row in pair_findings(setting("variance 7"), few, PAIRS)] == [None] * 3
+    assert [row.holds for row in pair_findings(setting("variance 7"), scores(MEANS, sets=7), PAIRS[1:])] == [
+        True
+    ] * 2

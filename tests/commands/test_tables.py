@@ -53,6 +53,21 @@ def test_tsv_csv_json_and_jsonl_hold_the_same_rows(compared: Callable[..., Any])
                 assert found[name] == ("" if value is None else str(value)), name
 
 
+def test_p_that_cannot_be_small_is_nowhere_and_one_line_says_why(compared: Callable[..., Any]) -> None:
+    why = (
+        "p: at least 7 targets are needed for the sign-flip test over 2 methods to reach 0.05"  # there are 4
+    )
+    ended = compared("--format", "json")
+    told = json.loads(ended.out)
+    assert [row["p"] for row in told["rows"]] == [None] * 3
+    assert [one["untested"] for one in told["intervals"]] == [why]
+    assert ended.err.count(why) == 1
+    assert [row["p"] for row in _rows(compared("--format", "csv").out, ",")] == [""] * 3
+    shown = compared("--format", "table", "--columns", "p")
+    assert why in " ".join((shown.out + shown.err).split())
+    assert "1.0000" not in shown.out
+
+
 def test_json_is_the_same_as_format_json(compared: Callable[..., Any]) -> None:
     assert compared("--json").out == compared("--format", "json").out
 

@@ -294,3 +294,39 @@ def test_one_source_set_on_two_sets_of_targets_is_not_two_source_sets() -> None:
         for run in _source_sets(shared=False, sets=2)
     ]
     assert [comparison.sets for comparison in compare(runs, "zero", "return")] == [1, 1]
+
+
+def _on_targets(count: int, *others: str) -> Any:
+    """A comparison of as many targets, on each of which every other method is ahead of zero by the same."""
+    zero = _run("zero", _filled(*[3] * count), _filled(*[True] * count))
+    ahead = [_run(name, _filled(*[2] * count), _filled(*[True] * count)) for name in others]
+    [comparison] = compare([zero, *ahead], "zero", "return")
+    return comparison
+
+
+def test_p_is_left_out_where_no_difference_could_make_it_small() -> None:
+    few, enough = _on_targets(5, "mean"), _on_targets(6, "mean")
+    assert [row.p for row in few.rows] == [None, None]
+    assert (
+        few.untested == "p: at least 6 targets are needed for the sign-flip test over 1 method to reach 0.05"
+    )
+    assert [row.p for row in enough.rows] == [None, 2 / 64]
+    assert enough.untested == ""
+
+
+def test_the_more_methods_there_are_the_more_targets_p_needs() -> None:
+    few, enough = _on_targets(6, "mean", "ucoi"), _on_targets(7, "mean", "ucoi")
+    assert [row.p for row in few.rows] == [None] * 3
+    assert "at least 7 targets are needed for the sign-flip test over 2 methods" in few.untested
+    assert [row.p for row in enough.rows] == [None, 4 / 128, 4 / 128]
+
+
+def test_two_source_sets_have_an_interval_and_no_p() -> None:
+    sets = [
+        _run(method, _filled(*[steps] * 9), _filled(*[True] * 9), name=f"{method}-{source}", sources=source)
+        for method, steps in (("zero", 3), ("mean", 2))
+        for source in ("a", "b")
+    ]
+    [comparison] = compare(sets, "zero", "return")
+    assert comparison.rows[1].p is None
+    assert "at least 6 source sets are needed" in comparison.untested
