@@ -8,7 +8,6 @@ import traceback
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from qinit_cli import __version__, configuration
 from qinit_cli.commands import (
@@ -28,66 +27,68 @@ from qinit_cli.commands import (
     verify,
 )
 from qinit_cli.commands.build import add_later, option_names
+from qinit_cli.commands.help import SETTINGS, Commands, HelpAll
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from qinit_store.errors import StoreError, SystemFailed
 
-HELP_WIDTH = 200  # of a command's line, wrapped where the terminal ends
-ORDER = (
-    "train-sources",
-    "fit",
-    "transfer",
-    "lifelong",
-    "compare",
-    "verdicts",
-    "list",
-    "show",
-    "plot",
-)  # then the rest
+PANELS = {
+    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare", "verdicts"),
+    "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
+    "The paper": ("reproduce",),
+    "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
+}
+EXAMPLES = (  # the first two work as they stand, in seconds
+    "qinit train-sources gridworld --size 10 --tasks 50 | qinit fit - -o fit.h5",
+    "for m in zero logqinit-median; do qinit transfer $m fit.h5; done | qinit compare -",
+    "qinit transfer --help",
+)
 
 
-class InOrder(TyperGroup):
+class Root(Commands):
     """The root command, whose help lists commands in the order in which they are met."""
 
-    def list_commands(self, ctx: Any) -> list[str]:
-        """The names, those of ORDER first."""
-        names = super().list_commands(ctx)
-        return [name for name in ORDER if name in names] + [name for name in names if name not in ORDER]
+    examples = EXAMPLES
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Writes the help in plain text: importing rich would take as long as all the rest."""
-        self.format_usage(ctx, formatter)
-        self.format_help_text(ctx, formatter)
-        for panel, names in PANELS.items():
-            with formatter.section(panel):
-                formatter.write_dl(
-                    [(name, self.commands[name].get_short_help_str(HELP_WIDTH)) for name in names]
-                )
-        with formatter.section("Options"):
-            formatter.write_dl(
-                [record for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
-            )
-        self.format_epilog(ctx, formatter)
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names, by panel."""
+        return [name for names in PANELS.values() for name in names]
 
 
 app = typer.Typer(
-    cls=InOrder,
+    cls=Root,
     name="qinit",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": HELP_WIDTH},
+    context_settings=SETTINGS,
     help="Initial values for new tasks from solved ones, in tabular reinforcement learning.",
-    epilog="A pipeline: qinit train-sources gridworld | qinit fit - | qinit transfer logqinit-median -",
 )
-LATER = {  # commands with many subcommands, made when they are needed
-    "train-sources": "Learn source tasks of a family and save their tables; prints the path.",
-    "transfer": "Learn target tasks from what a method starts them with; prints the path.",
-    "lifelong": "Learn targets one after another; what each learned may be added to what is known; prints the path.",
-    "tune": "Choose a method's parameters by its sources alone, no target being seen.",
-    "plot": "Draw pictures from stored artefacts: PNG, SVG or PDF.",
-    "reproduce": "Reproduce the paper: make what its figures need and draw them; prints the folder.",
+LATER = {  # commands with many subcommands, made when they are needed, each with an example
+    "train-sources": (
+        "Learn source tasks of a family and save their tables; prints the path.",
+        "qinit train-sources gridworld --size 10 --tasks 50 -o sources.h5",
+    ),
+    "transfer": (
+        "Learn target tasks from what a method starts them with; prints the path.",
+        "qinit transfer logqinit-median fit.h5",
+    ),
+    "lifelong": (
+        "Learn targets one after another; what each learned may be added to what is known; prints the path.",
+        "qinit lifelong logqinit-median fit.h5 --tasks 20 --update",
+    ),
+    "tune": (
+        "Choose a method's parameters by its sources alone, no target being seen.",
+        "qinit tune ucoi sources.h5",
+    ),
+    "plot": (
+        "Draw pictures from stored artefacts: PNG, SVG or PDF.",
+        "qinit plot histograms sources.h5 -o histograms.png",
+    ),
+    "reproduce": (
+        "Reproduce the paper: make what its figures need and draw them; prints the folder.",
+        "qinit reproduce fig4 --scale quick",
+    ),
 }
-for name, told in LATER.items():
-    add_later(app, name, f"qinit_cli.commands.{name.replace('-', '_')}", told)
+for name, (purpose, example) in LATER.items():
+    add_later(app, name, f"qinit_cli.commands.{name.replace('-', '_')}", purpose, example=example)
 for module in (
     fit,
     compare,
@@ -105,17 +106,11 @@ for module in (
     bench,
 ):
     module.add_to(app)
-PANELS = {
-    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare", "verdicts"),
-    "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
-    "The paper": ("reproduce",),
-    "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
-}
 for added in (*app.registered_commands, *app.registered_groups):
     [added.rich_help_panel] = [panel for panel, names in PANELS.items() if added.name in names]  # type: ignore[attr-defined]  # of two classes alike
 
 
-FAST = {"-h", "--help", "-V", "--version"}  # what needs no settings
+FAST = {"-h", "--help", "--help-all", "-V", "--version"}  # what needs no settings
 
 
 def _print_version(asked: bool) -> None:
@@ -132,6 +127,7 @@ def root(
             "--version", "-V", help="Print the version and exit.", callback=_print_version, is_eager=True
         ),
     ] = False,
+    help_all: HelpAll = False,
 ) -> None:
     """Initial values for new tasks from solved ones, in tabular reinforcement learning."""
 
@@ -194,7 +190,7 @@ def _usage(error: typer.TyperException) -> str:
     """typer's message as one sentence, with the nearest names and where to read on."""
     message = " ".join(error.format_message().replace("Value error, ", "").split()).rstrip(".")
     context = getattr(error, "ctx", None)
-    if context is None or not message:  # without arguments typer has shown the help already
+    if context is None:
         return message
     return f"{message}{' See' if message.endswith('?') else '; see'} {context.command_path} --help"
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 from qinit_cli.nearest import nearest
@@ -22,18 +24,24 @@ def option(
     *,
     low: float | None = None,
     high: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
     default_text: str | None = None,
     metavar: str | None = None,
     short: str | None = None,
     panel: str | None = None,
     grid: tuple[float, ...] = (),
     positional: bool = False,
+    seldom: bool = False,
 ) -> Any:
     """A dataclass field that is also a command-line option.
 
-    `low` and `high` bound a number (both included); `default_text` tells in the help where a default of None comes from;
-    `short` is a one-letter flag; `panel` the help group, if not that of the whole dataclass; `grid` what `qinit tune` tries.
-    A `positional` one is an argument that must be given, and has no flag.
+    `low` and `high` bound a number (both included), `above` and `below` too (not included); `default_text` tells in the help
+    where a default of None comes from; `short` is a one-letter flag; `panel` the help group, if not that of the whole
+    dataclass; `grid` what `qinit tune` tries. A `positional` one is an argument that must be given, and has no flag.
+
+    `--help` shows what a family or a method is made of, how many tasks and episodes, the seed, where the artefact goes and how
+    much of the machine is used; a `seldom` one stands in `--help-all` alone.
     """
     return dataclasses.field(
         default=default,
@@ -41,12 +49,15 @@ def option(
             "help": help,
             "low": low,
             "high": high,
+            "above": above,
+            "below": below,
             "default_text": default_text,
             "metavar": metavar,
             "short": short,
             "positional": positional,
             "panel": panel,
             "grid": grid,
+            "seldom": seldom,
         },
     )
 
@@ -54,6 +65,14 @@ def option(
 def flag(name: str) -> str:
     """How a field is spelled on the command line: `p_low` is `--p-low`."""
     return "--" + name.replace("_", "-")
+
+
+def help_of(option: dataclasses.Field[Any]) -> str:
+    """The help of an option, with its range: "Chance that a step explores. [0 to 1]"."""
+    bounds = _bounds(option)
+    return (
+        f"{option.metadata['help']} [{bounds.removeprefix('from ')}]" if bounds else option.metadata["help"]
+    )
 
 
 def options(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
@@ -92,16 +111,27 @@ def _choices(hint: Any) -> tuple[str, ...]:
     return get_args(literals[0]) if literals else ()
 
 
+BOUNDS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
+    "low": ("at least", operator.ge),
+    "above": ("above", operator.gt),
+    "high": ("at most", operator.le),
+    "below": ("below", operator.lt),
+}
+
+
 def _check_number(field: dataclasses.Field[Any], value: float) -> None:
-    low, high = field.metadata["low"], field.metadata["high"]
     if not math.isfinite(value):
         raise ValueError(f"{flag(field.name)} is {value}; it must be a finite number")
-    if (low is not None and value < low) or (high is not None and value > high):
-        bounds = (
-            f"at least {low}"
-            if high is None
-            else f"at most {high}"
-            if low is None
-            else f"from {low} to {high}"
-        )
-        raise ValueError(f"{flag(field.name)} is {value}; it must be {bounds}")
+    for name, (_, holds) in BOUNDS.items():
+        bound = field.metadata[name]
+        if bound is not None and not holds(value, bound):
+            raise ValueError(f"{flag(field.name)} is {value}; it must be {_bounds(field)}")
+
+
+def _bounds(field: dataclasses.Field[Any]) -> str:
+    """The range of a number in words; "" where it has none."""
+    low, high = field.metadata["low"], field.metadata["high"]
+    if low is not None and high is not None:
+        return f"from {low} to {high}"
+    there = {name: bound for name in BOUNDS if (bound := field.metadata[name]) is not None}
+    return " and ".join(f"{BOUNDS[name][0]} {bound}" for name, bound in there.items())

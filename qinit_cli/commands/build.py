@@ -12,13 +12,13 @@ from dataclasses import MISSING, Field, dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_type_hints
+from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperGroup
 
+from qinit_cli.commands.help import SETTINGS, Command, Commands, HelpAll
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import flag, options
+from qinit_cli.fields import flag, help_of, options
 from qinit_cli.registry import Registry
 
 OF_ONE_CALL = {
@@ -47,6 +47,11 @@ class Group:
         hints = get_type_hints(self.owner)
         return tuple(self._parameter(option, hints[option.name]) for option in options(self.owner))
 
+    @cached_property
+    def seldom(self) -> tuple[str, ...]:
+        """Names of the options that only --help-all shows."""
+        return tuple(option.name for option in options(self.owner) if option.metadata["seldom"])
+
     def instance(self, values: Mapping[str, Any]) -> Any:
         """The dataclass made from parsed options; UsageError, one sentence, where they cannot be meant so."""
         try:
@@ -65,10 +70,8 @@ class Group:
         spelled = [flag(option.name)] + ([meta["short"]] if meta["short"] else [])
         info = typer.Option(
             *spelled,
-            help=meta["help"],
-            metavar=""
-            if hint is bool
-            else meta["metavar"],  # a flag takes no value, whatever typer would show
+            help=help_of(option),
+            metavar=_metavar(meta["metavar"], hint),
             envvar=None if option.name in OF_ONE_CALL else "QINIT_" + option.name.upper(),
             show_envvar=False,
             # by identity: 0 equals False, and is a default worth showing
@@ -79,6 +82,14 @@ class Group:
         return inspect.Parameter(
             option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, info]
         )
+
+
+def _metavar(given: str | None, hint: Any) -> str | None:
+    """What stands for the value in the help; None: what typer makes of the type."""
+    if hint is bool:
+        return ""  # a flag takes no value, whatever typer would show
+    lists = [one for one in (hint, *get_args(hint)) if get_origin(one) is list]
+    return given or (f"<{get_args(lists[0])[0].__name__}>" if lists else None)
 
 
 @dataclass(frozen=True)
@@ -130,9 +141,14 @@ def add_command(
         parameters.insert(0, inspect.Parameter("context", keyword, annotation=typer.Context))
     for group in groups.values():
         parameters += group.parameters
+    parameters.append(
+        inspect.Parameter("help_all", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=HelpAll)
+    )
+    seldom = frozenset(name for group in groups.values() for name in group.seldom)
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    app.command(name, help=help, rich_help_panel=panel)(command)
+    kind = type("Command", (Command,), {"seldom": seldom})
+    app.command(name, cls=kind, context_settings=SETTINGS, help=help, rich_help_panel=panel)(command)
 
 
 def add_each(
@@ -162,7 +178,7 @@ def _artefact_names(context: typer.Context, arguments: list[str], incomplete: st
     return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]
 
 
-class Later(TyperGroup):
+class Later(Commands):
     """A command whose subcommands are made when one of them is asked for: help of the others stays fast."""
 
     module: ClassVar[str]  # whose `add_to` makes them
@@ -183,15 +199,19 @@ class Later(TyperGroup):
         return ctx
 
 
-def add_later(app: typer.Typer, name: str, module: str, help: str) -> None:
+def add_later(app: typer.Typer, name: str, module: str, help: str, *, example: str) -> None:
     """Adds to `app` the command `name`, whose subcommands that module's `add_to` adds once they are needed."""
-    kind = type("Later", (Later,), {"module": module})
-    app.add_typer(typer.Typer(cls=kind, no_args_is_help=True), name=name, help=help)
+    kind = type("Later", (Later,), {"module": module, "examples": (example,)})
+    app.add_typer(typer.Typer(cls=kind, callback=_group), name=name, help=help)
+
+
+def _group(help_all: HelpAll = False) -> None:
+    """The options of a command that has subcommands."""
 
 
 def walk(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
     """Every command below a built one with the options that a configuration may set, in order."""
-    if not isinstance(command, TyperGroup):
+    if not isinstance(command, Commands):
         yield path, [parameter for parameter in command.params if _is_setting(parameter)]
         return
     context: Any = None  # neither needs one

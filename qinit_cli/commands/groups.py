@@ -34,8 +34,8 @@ class Output:
         default_text="a name made of what it is, in the store",
     )
     store: str = store_option()
-    force: bool = option(False, "Replace an artefact of that name that has other settings.")
-    wait: bool = option(False, "Wait while another process writes the same artefact.")
+    force: bool = option(False, "Replace an artefact of that name that has other settings.", seldom=True)
+    wait: bool = option(False, "Wait while another process writes the same artefact.", seldom=True)
     dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
     json: bool = option(False, "Print one JSON object instead of the path.")
 
@@ -50,14 +50,16 @@ class Work:
         "Learn only the K-th of N shares, into an artefact of its own; qinit merge joins them.",
         metavar="K/N",
         default_text="all tasks",
+        seldom=True,
     )
     dask: str | None = option(
         None,
         "Learn on the Dask cluster of this scheduler.",
         metavar="ADDRESS|SCHEDULER-FILE",
         default_text="threads here",
+        seldom=True,
     )
-    fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.")
+    fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.", seldom=True)
 
     def __post_init__(self) -> None:
         check(self)
@@ -97,8 +99,12 @@ class Work:
 class OnePass:
     """What every stage takes on its command line, for scripts that give all of them the same options."""
 
-    jobs: int | None = option(None, "Nothing here: a fit is one pass over its sources.", low=1, metavar="N")
-    fail_fast: bool = option(False, "Nothing here: a fit has no tasks that could fail one by one.")
+    jobs: int | None = option(
+        None, "Nothing here: a fit is one pass over its sources.", low=1, metavar="N", seldom=True
+    )
+    fail_fast: bool = option(
+        False, "Nothing here: a fit has no tasks that could fail one by one.", seldom=True
+    )
 
     def __post_init__(self) -> None:
         check(self)
@@ -133,9 +139,9 @@ class Display:
     quiet: bool = option(False, "Say nothing but errors.", short="-q")
     verbose: bool = option(False, "Say more.", short="-v")
     color: Literal["auto", "always", "never"] = option(
-        "auto", "Colour: on a terminal unless NO_COLOR or TERM=dumb, always or never."
+        "auto", "Colour: on a terminal unless NO_COLOR or TERM=dumb, always or never.", seldom=True
     )
-    debug: bool = option(False, "Show the traceback of an error.")
+    debug: bool = option(False, "Show the traceback of an error.", seldom=True)
 
 
 OUTPUT = Group(Output, "Artefact")

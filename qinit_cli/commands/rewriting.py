@@ -26,7 +26,7 @@ class Rewriting:
         default_text="beside the first, under a new name",
     )
     store: str = store_option()
-    force: bool = option(False, "Replace an artefact of that name that has other settings.")
+    force: bool = option(False, "Replace an artefact of that name that has other settings.", seldom=True)
     json: bool = option(False, "Print one JSON object instead of the path.")
 
     def target(self, beside: Path, name: str) -> Path:

@@ -16,8 +16,8 @@ from qinit_cli.fields import check, option
 class Sampling:
     """What must be sampled, and how surely."""
 
-    p_min: float = option(0.01, "Probability of the least likely task.", low=0, high=1)
-    delta: float = option(0.05, "Chance that it is missed after all.", low=0, high=1)
+    p_min: float = option(0.01, "Probability of the least likely task.", above=0, high=1)
+    delta: float = option(0.05, "Chance that it is missed after all.", above=0, below=1)
     targets: int | None = option(
         None, "How many tasks must all be sampled.", low=1, default_text="as many as p-min allows, 1 / p-min"
     )

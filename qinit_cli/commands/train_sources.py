@@ -37,12 +37,12 @@ class LearningSources:
         "q-learning", "Tabular Q-learning, or exact tables by value iteration."
     )
     episodes: int | None = option(None, "Episodes of each task.", low=1)
-    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1)
-    alpha: float | None = option(None, "Step size.", low=0, high=1)
-    gamma: float | None = option(None, "Discount.", low=0, high=1)
-    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1)
+    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
+    alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
+    gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
+    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1, seldom=True)
     start: Literal["anywhere", "fixed"] | None = option(
-        None, "Where episodes start: anywhere, or where target tasks start."
+        None, "Where episodes start: anywhere, or where target tasks start.", seldom=True
     )
 
     def __post_init__(self) -> None:

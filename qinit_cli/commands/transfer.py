@@ -36,25 +36,27 @@ class LearningTargets:
     tasks: int | None = option(None, "Target tasks.", low=1, metavar="N")
     seed: int = option(0, "Root of the targets' chance: every method meets the same tasks and dice.", low=0)
     episodes: int | None = option(None, "Episodes of each task.", low=1)
-    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1)
-    alpha: float | None = option(None, "Step size.", low=0, high=1)
-    gamma: float | None = option(None, "Discount.", low=0, high=1)
-    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1)
+    horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
+    alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
+    gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
+    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1, seldom=True)
     start: Literal["anywhere", "fixed"] | None = option(
-        None, "Where episodes start: at the family's target start, or anywhere."
+        None, "Where episodes start: at the family's target start, or anywhere.", seldom=True
     )
     shift: list[str] | None = option(
         None,
         "Draw targets from a changed family, such as variance=10; may be given several times.",
         metavar="KEY=VALUE",
+        seldom=True,
     )
     evaluate_every: int = option(
         0,
         "Evaluate greedily, without learning, before the first episode and after every N-th; 0: never.",
         low=0,
         metavar="N",
+        seldom=True,
     )
-    keep_q: bool = option(False, "Keep the learned tables too.")
+    keep_q: bool = option(False, "Keep the learned tables too.", seldom=True)
 
     def __post_init__(self) -> None:
         check(self)
@@ -87,6 +89,7 @@ class Tuned:
         "Take the parameters that qinit tune chose, and what it was given besides: its artefact.",
         metavar="TUNING",
         default_text="the method's options",
+        seldom=True,
     )
 
     def applied(self, method: Method, store: str, family: Family) -> tuple[Method, list[dict[str, str]]]:
@@ -148,14 +151,23 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
 
 
 def _defaults() -> dict[str, str]:
-    tasks = ", ".join(f"{name} {family.target_tasks}" for name, family in FAMILIES.items())
-    from_family = {"tasks": f"from the family: {tasks}"}
+    from_family = {
+        "tasks": _from_the_family({name: str(family.target_tasks) for name, family in FAMILIES.items()})
+    }
     for setting in ("episodes", "epsilon", "start"):
-        values = ", ".join(
-            f"{name} {getattr(family.target_learning, setting)}" for name, family in FAMILIES.items()
-        )
-        from_family[setting] = f"from the family: {values}"
+        values = {name: str(getattr(family.target_learning, setting)) for name, family in FAMILIES.items()}
+        from_family[setting] = _from_the_family(values)
     return from_family | dict.fromkeys(FROM_SOURCES, "from the fit")
+
+
+def _from_the_family(values: dict[str, str]) -> str:
+    """What stands in the help for a default that each family has, by their names."""
+    several = len(set(values.values())) > 1
+    return "from the family: " + (
+        ", ".join(f"{name} {value}" for name, value in values.items())
+        if several
+        else f"each has {next(iter(values.values()))}"
+    )
 
 
 def transfer(

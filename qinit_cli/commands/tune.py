@@ -16,7 +16,7 @@ from qinit_cli.commands.build import Group, Reference, add_command, add_each
 from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Output, Tabular, Work, store_option
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.fields import check, flag, numbers, option, options, tunable
+from qinit_cli.fields import check, flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ class Keeping:
         default_text="a name made of what it is, in the store",
     )
     store: str = store_option()
-    force: bool = option(False, "Replace an artefact of that name that has other settings.")
-    wait: bool = option(False, "Wait while another process writes the same artefact.")
+    force: bool = option(False, "Replace an artefact of that name that has other settings.", seldom=True)
+    wait: bool = option(False, "Wait while another process writes the same artefact.", seldom=True)
     dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
 
 
@@ -269,11 +269,15 @@ def _values(name: str, text: str) -> tuple[float, ...]:
 
 def _grid_options(method: type[Method]) -> type[Any]:
     """Each parameter that can be chosen, as an option that takes several values."""
-    told = {one.name: one.metadata["help"] for one in options(method)}
+    helps = {one.name: help_of(one) for one in options(method)}
     return make_dataclass(
         f"{method.__name__}Grid",
         [
-            (name, str, option(",".join(f"{value:.4g}" for value in values), told[name], metavar="VALUE,..."))
+            (
+                name,
+                str,
+                option(",".join(f"{value:.4g}" for value in values), helps[name], metavar="VALUE,..."),
+            )
             for name, values in tunable(method).items()
         ],
         frozen=True,
@@ -285,7 +289,7 @@ def _number_options(method: type[Method]) -> type[Any]:
     return make_dataclass(
         f"{method.__name__}Numbers",
         [
-            (one.name, str, option(repr(one.default), one.metadata["help"], metavar="VALUE[,...]"))
+            (one.name, str, option(repr(one.default), help_of(one), metavar="VALUE[,...]"))
             for one in numbers(method)
             if one.name not in tunable(method)
         ],

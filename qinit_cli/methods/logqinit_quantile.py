@@ -24,18 +24,13 @@ class LogQInitQuantile(Initialisation):
     quantile: float = option(
         ONE_SIGMA_BELOW,
         "Share of the distribution below the start; the default is one sigma below.",
-        low=0,
-        high=1,
+        above=0,
+        below=1,
         grid=(0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7),
     )
 
     name: ClassVar[str] = "logqinit-quantile"
     formula: ClassVar[str] = "exp(mu + z sigma), z = Phi^-1(quantile)"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.quantile in (0.0, 1.0):
-            raise ValueError(f"--quantile is {self.quantile}; it must lie between 0 and 1, both excluded")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """exp(mu + z sigma), (S, A); NotAllowed where the fit's estimator is not mle."""

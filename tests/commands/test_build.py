@@ -88,11 +88,10 @@ def test_help_shows_every_option_with_its_help_and_default(
     monkeypatch.setenv("COLUMNS", "200")
     _cook("--help")
     lines = capsys.readouterr().out.splitlines()
-    [panel] = [line for line in lines if "Dish" in line]
-    assert panel.startswith("╭")
+    assert "Dish:" in lines
     for each, text, default in (
-        ("--table-salt", "Grams of salt.", "[default: 0.5]"),
-        ("--spoons", "Spoons at the table.", "[default: 0]"),
+        ("--table-salt", "Grams of salt. [0 to 2]", "[default: 0.5]"),
+        ("--spoons", "Spoons at the table. [at least 0]", "[default: 0]"),
         ("--kind", "What is in it.", "[default: pea]"),
         ("--guests", "Who come.", "[default: (whoever is hungry)]"),
         ("--herbs", "On top; may be given several times.", ""),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import resource
+import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,12 +15,13 @@ import pytest
 import typer
 from typer.core import TyperGroup
 
-from qinit_cli.app import app
+from qinit_cli.app import EXAMPLES, LATER, app
+from qinit_cli.commands.help import Command
 from qinit_cli.environments import FAMILIES
 from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS
 
-HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib")
+HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "rich")
 README = Path(__file__).parents[2] / "README.md"
 
 Run = Callable[..., Any]
@@ -38,20 +41,26 @@ NAMES = [" ".join(path) for path in COMMANDS]
 
 @pytest.fixture
 def helped(here: Run, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
-    """The lines of a command's help on a very wide screen."""
+    """The lines of a command's help, each with those that carry it on."""
     monkeypatch.setenv("COLUMNS", "400")
 
-    def call(command: str, spelled: str = "--help") -> list[str]:
+    def call(command: str, spelled: str = "--help-all") -> list[str]:
         ended = here(*command.split(), spelled)
         assert ended.code == 0, ended.err
         assert ended.err == ""
-        return list(ended.out.splitlines())
+        lines: list[str] = []
+        for line in ended.out.splitlines():
+            if line.startswith("   ") and lines[-1]:
+                lines[-1] += f" {line.strip()}"
+            else:
+                lines.append(line)
+        return lines
 
     return call
 
 
 def _line_of(option: str, lines: list[str]) -> str:
-    spelled = (line.lstrip("│ *").split("  ")[0].replace(",", " ").split() for line in lines)
+    spelled = (line.strip().split("  ")[0].replace(",", " ").split() for line in lines)
     [line] = [line for line, words in zip(lines, spelled, strict=True) if words and option in words[:2]]
     return line
 
@@ -66,7 +75,7 @@ def test_every_family_and_every_method_has_a_subcommand() -> None:
 
 
 @pytest.mark.parametrize("command", NAMES)
-@pytest.mark.parametrize("spelled", ["-h", "--help"])
+@pytest.mark.parametrize("spelled", ["-h", "--help", "--help-all"])
 def test_every_command_has_help(command: str, spelled: str, helped: Callable[..., list[str]]) -> None:
     lines = helped(command, spelled)
     assert f"Usage: {' '.join(['qinit', command]).strip()}" in "\n".join(lines[:2])
@@ -95,7 +104,7 @@ def test_every_field_of_families_and_methods_is_an_option_with_its_help_and_defa
 ) -> None:
     lines = helped(command)
     first = (owner.__doc__ or "").splitlines()[0]
-    assert any(first in line for line in lines)
+    assert first in " ".join(line.strip() for line in lines)
     for field in options(owner):
         told = field.metadata["metavar"] if field.metadata["positional"] else flag(field.name)
         line = _line_of(told, lines)
@@ -160,7 +169,9 @@ def test_transfer_and_compare_have_the_options_of_the_contract() -> None:
 def test_help_fits_eighty_columns(here: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     for command in NAMES:
-        assert max(map(len, here(*command.split(), "-h").out.splitlines())) <= 80, command
+        lines = here(*command.split(), "--help-all").out.splitlines()
+        copied = {f"  {line}" for line in EXAMPLES}  # never wrapped
+        assert max(len(line) for line in lines if line not in copied) <= 80, command
 
 
 @pytest.mark.parametrize("spelled", ["-V", "--version"])
@@ -189,19 +200,108 @@ def test_help_and_version_import_nothing_heavy() -> None:
         "        assert run(line.split()) == 0, line\n"
         "print([name for name in sys.argv[1].split() if name in sys.modules])\n"
     )
-    lines = ["--version", *(f"{name} --help" for name in NAMES)]
+    lines = ["--version", *(f"{name} {spelled}" for name in NAMES for spelled in ("--help", "--help-all"))]
     ended = subprocess.run(
         [sys.executable, "-c", script, " ".join(HEAVY), *lines], capture_output=True, text=True, timeout=60
     )
     assert (ended.stdout, ended.stderr, ended.returncode) == ("[]\n", "", 0)
 
 
-@pytest.mark.parametrize("command", ["", "train-sources", "transfer", "plot"])
-def test_without_a_subcommand_its_help_is_shown_and_ends_with_two(command: str, here: Run) -> None:
-    ended = here(*command.split())
-    assert ended.code == 2
-    assert f"Usage: {' '.join(['qinit', command]).strip()}" in ended.out + ended.err
-    assert "qinit: ;" not in ended.err
+@pytest.mark.parametrize("command", ["", *LATER])
+def test_without_a_subcommand_the_help_stands_on_stderr_and_ends_with_two(command: str, here: Run) -> None:
+    helped, bare = here(*command.split(), "--help"), here(*command.split())
+    assert (bare.code, bare.out, bare.err) == (2, "", helped.out)
+    assert bare.err.count("\n") > 15
+
+
+def test_the_examples_work_as_they_stand(shell: Run) -> None:
+    first, second, read_on = EXAMPLES
+    made = shell(first)
+    assert made.code == 0, made.err
+    compared = shell(second)
+    assert compared.code == 0, compared.err
+    assert "logqinit-median" in compared.out
+    assert shell(read_on).code == 0
+
+
+@pytest.mark.parametrize("command", LATER)
+def test_a_group_s_example_works_as_it_stands(command: str, here: Run, pipeline: Any, tmp_path: Path) -> None:
+    _, example = LATER[command]
+    shutil.copy(pipeline.sources, tmp_path / "sources.h5")
+    shutil.copy(pipeline.fit, tmp_path / "fit.h5")
+    words = shlex.split(example)
+    trial = () if command in ("plot", "tune") else ("--dry-run",)
+    ended = here(*words[1:], *trial)
+    assert words[:2] == ["qinit", command]
+    assert ended.code == (4 if command == "tune" else 0), ended.err  # four sources are too few to choose by
+
+
+SHOWN = {
+    "--output",
+    "--tasks",
+    "--seed",
+    "--episodes",
+    "--jobs",
+    "--store",
+    "--json",
+    "--dry-run",
+    "--quiet",
+    "--verbose",
+}
+
+
+@pytest.mark.parametrize(
+    ("command", "owner"),
+    [
+        *((f"train-sources {name}", family) for name, family in FAMILIES.items()),
+        *((f"transfer {name}", method) for name, method in METHODS.items()),
+    ],
+)
+def test_the_short_help_shows_a_stage_s_own_and_common_options_and_says_where_the_others_are(
+    command: str, owner: type[Any], helped: Callable[..., list[str]]
+) -> None:
+    lines = helped(command, "--help")
+    for spelled in SHOWN | {flag(one.name) for one in options(owner) if not one.metadata["positional"]}:
+        _line_of(spelled, lines)
+    seldom = {"--alpha", "--gamma", "--horizon", "--dask", "--shard", "--debug", "--color", "--wait"}
+    assert not [line for line in lines if seldom.intersection(line.split())]
+    *_, last = lines
+    assert last.endswith(f"more options: qinit {command} --help-all")
+    left_out = len(COMMANDS[tuple(command.split())].seldom)
+    assert last.startswith(f"{left_out} more")
+    for spelled in seldom:
+        _line_of(spelled, helped(command))
+
+
+def test_every_number_with_a_range_shows_it(helped: Callable[..., list[str]]) -> None:
+    lines = helped("train-sources gridworld")
+    for spelled, told in (
+        ("--epsilon", "[0 to 1]"),
+        ("--gamma", "[above 0 and at most 1]"),
+        ("--size", "[2 to 1000]"),
+        ("--jobs", "[at least 1]"),
+        ("--variance", "[at least 0]"),
+    ):
+        assert told in _line_of(spelled, lines)
+    assert "[above 0 and below 1]" in _line_of("--quantile", helped("transfer logqinit-quantile"))
+    assert "[above 0 and below 1]" in _line_of("--quantile", helped("tune logqinit-quantile"))
+
+
+def test_completion_knows_every_option(qinit: Run) -> None:
+    completed = {"_QINIT_COMPLETE": "complete_bash", "COMP_WORDS": "qinit fit --", "COMP_CWORD": "2"}
+    words = qinit(env=completed).out.split()
+    assert {"--help-all", "--help", "--force", "--debug"} <= set(words)
+
+
+def test_nothing_that_typer_makes_up_stands_in_a_help(helped: Callable[..., list[str]]) -> None:
+    for command in NAMES:
+        text = "\n".join(helped(command))
+        assert not [odd for odd in ("list[", "{", "}", "<bool>") if odd in text], command
+
+
+def test_every_leaf_is_a_command_with_both_helps() -> None:
+    leaves = [command for command in COMMANDS.values() if not isinstance(command, TyperGroup)]
+    assert all(isinstance(leaf, Command) for leaf in leaves)
 
 
 @pytest.mark.parametrize("command", ["fit", "compare", "plot curves", "transfer zero"])
