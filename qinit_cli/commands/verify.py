@@ -52,7 +52,7 @@ def _row(verdict: Verdict) -> dict[str, Any]:
         "artefact": str(verdict.path),
         "kind": verdict.kind,
         "tasks": verdict.tasks,
-        "state": "sound" if verdict.sound else "damaged",
+        "state": verdict.state,
         "damaged_tasks": " ".join(map(str, verdict.damaged)),
         "detail": verdict.problem or verdict.content_sha256,
     }

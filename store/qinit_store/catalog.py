@@ -111,7 +111,7 @@ def _description(path: Path) -> Description:
     try:
         return describe(path)
     except Damaged as damage:
-        return replace(_nothing_known(path), state="damaged", problem=str(damage))
+        return replace(_nothing_known(path), state=damage.state, problem=str(damage))
     except StoreError as trouble:
         return replace(_nothing_known(path), state="unreadable", problem=str(trouble))
 

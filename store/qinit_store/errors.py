@@ -31,9 +31,22 @@ class Busy(StoreError):
 
 
 class Damaged(StoreError):
-    """The file is damaged, not one of ours, or newer than this reader."""
+    """The file is not what was written, or not one that may be read."""
 
     exit_code = 6
+    state = "damaged"  # as a list of artefacts has it
+
+
+class NotOurs(Damaged):
+    """The file is none that qinit wrote, or another program has put its hand to it; nothing of it need be damaged."""
+
+    state = "foreign"
+
+
+class TooNew(Damaged):
+    """A later version wrote the file."""
+
+    state = "newer"
 
 
 class SystemFailed(StoreError):

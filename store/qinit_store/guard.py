@@ -8,20 +8,33 @@ hard links from the root to datasets is accepted, and each is looked at before i
 from __future__ import annotations
 
 import math
-import os
-import stat
 import zlib
+from codecs import getincrementaldecoder
+from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from qinit_store.errors import Damaged, NotFound, SystemFailed
+from qinit_store.errors import Damaged, NotOurs, TooNew
 from qinit_store.schema import NAME, TASK, TASK_DIGEST
+from qinit_store.source import Source
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
+HEAD = 16  # bytes; the version follows the magic, and three bytes later the marks of whoever has it open for writing
+SUPERBLOCK = 3  # the version that artefacts have, and the last one there is
+UNLIKELY_SUPERBLOCK = 16  # a version from here on is damage
+OTHERS = {
+    b"\x93NUMPY": "an array of numpy's (.npy)",
+    b"PK\x03\x04": "a zip archive, as numpy's .npz is",
+    b"CDF": "a netCDF file of the classic format",
+    b"\x1f\x8b": "compressed with gzip",
+    b"PAR1": "a Parquet file",
+    b"SQLite format 3\0": "an SQLite database",
+    b"\x80": "a pickle",
+    b"\x89PNG": "a picture",
+}
 
 GIB = 1024**3
 LARGEST_FILE = 256 * GIB
@@ -34,10 +47,10 @@ LARGEST_STREAM = 65 * 1024**2  # a chunk in the file: deflate makes what it cann
 LARGEST_VALUE = 4 * 1024**2  # a text, of an attribute or a label
 MOST_DATASETS = 256
 MOST_ATTRIBUTES = 64
+DATASET_ATTRIBUTES = ("dims", "units", "long_name", "hashed")  # those that are read
 
 FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}
 CLASSES = {h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.STRING}
-SCALE_ATTRIBUTES = {b"DIMENSION_LIST", b"REFERENCE_LIST"}  # of variable length; never read
 
 # HDF5 inflates a chunk into a buffer that doubles until the stream ends, whatever the chunk's size; deflate yields at
 # most 1032 bytes for one. Streams that could exceed this are measured first.
@@ -45,27 +58,54 @@ DEFLATE_RATIO = 1032
 LARGEST_INFLATED = 512 * 1024**2
 
 
-def checked_file(path: Path) -> int:
-    """The size of the regular file at `path` that begins as HDF5 does; NotFound, SystemFailed or Damaged."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # a pipe must not hold us
-    except (FileNotFoundError, NotADirectoryError):
-        raise NotFound(f"there is no {path}; `qinit list` shows what there is") from None
-    except OSError as problem:
-        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
-    try:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise Damaged(f"{path} is no regular file")
-        if os.pread(descriptor, len(MAGIC), 0) != MAGIC:
-            raise Damaged(f"{path} is no HDF5 file, or its beginning is damaged")
-    except OSError as problem:
-        raise SystemFailed(f"cannot read {path}: {problem.strerror}") from problem
-    finally:
-        os.close(descriptor)
-    if status.st_size > LARGEST_FILE:
+def check_beginning(source: Source) -> None:
+    """NotOurs or TooNew where the file does not begin as an artefact does, before HDF5 sees it; SystemFailed."""
+    path, head = source.path, source.beginning(0, HEAD)
+    if not head:
+        raise NotOurs(f"{path} is empty, so it is no artefact; remove it, or name another file")
+    if not head.startswith(MAGIC):
+        raise NotOurs(f"{path} is no artefact: {_instead(source, head)}")
+    if source.size > LARGEST_FILE:
         raise Damaged(f"{path} is larger than the {LARGEST_FILE // GIB} GiB an artefact may have")
-    return status.st_size
+    if len(head) < HEAD:
+        raise Damaged(f"{path} is damaged: it ends after {len(head)} bytes")
+    version, opened = head[len(MAGIC)], head[len(MAGIC) + 3]
+    if SUPERBLOCK < version < UNLIKELY_SUPERBLOCK:
+        raise TooNew(
+            f"{path} begins with version {version} of HDF5's superblock, this reader knows {SUPERBLOCK};"
+            " `pip install --upgrade h5py`"
+        )
+    if version == SUPERBLOCK and opened:
+        raise NotOurs(
+            f"{path} is open for writing in another program, or was left so by one that was killed; close it"
+            f" there, or take the mark away with `h5clear --status {path}`"
+        )
+
+
+def _instead(source: Source, head: bytes) -> str:
+    """What a file is that does not begin as HDF5 does."""
+    for magic, kind in OTHERS.items():
+        if head.startswith(magic):
+            return f"it is {kind}"
+    offset = 512
+    while offset < source.size:  # where HDF5 looks for a file behind a user block
+        if source.beginning(offset, len(MAGIC)) == MAGIC:
+            return (
+                f"it is an HDF5 file behind a user block of {offset} bytes, which qinit does not write;"
+                " `h5unjam` takes the block off"
+            )
+        offset *= 2
+    if _is_text(head):
+        return "it is no HDF5 file, but a text"
+    return "it is no HDF5 file, or its first bytes were written over"
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        text = getincrementaldecoder("utf-8")().decode(head)  # the last letter may be cut
+    except UnicodeDecodeError:
+        return False
+    return all(letter.isprintable() or letter.isspace() for letter in text)
 
 
 @dataclass(frozen=True)
@@ -81,16 +121,17 @@ class Checked:
         return math.prod((int(self.dataset.dtype.itemsize), *self.dataset.shape))
 
 
-def attributes(owner: Any) -> dict[str, Any]:
-    """The attributes of this low-level group or dataset by name, each one number or fixed-length bytes.
+def attributes(owner: Any, wanted: Collection[str]) -> dict[str, Any]:
+    """Those attributes of this low-level group or dataset that are `wanted`, each one number or fixed-length bytes.
 
-    ValueError where one is of a type or size we never write.
+    No other is opened: programs that people use on their files leave notes of their own. ValueError where one is of a
+    type or size we never write.
     """
     if h5py.h5a.get_num_attrs(owner) > MOST_ATTRIBUTES:
         raise ValueError("too many attributes")
     names: list[bytes] = []
     h5py.h5a.iterate(owner, names.append)  # no Python in there: no exception may pass through the iteration
-    return {name.decode(): _value(owner, name) for name in names if name not in SCALE_ATTRIBUTES}
+    return {name: _value(owner, name.encode()) for name in wanted if name.encode() in names}
 
 
 def _value(owner: Any, name: bytes) -> Any:
@@ -104,12 +145,21 @@ def _value(owner: Any, name: bytes) -> Any:
     return value[()]
 
 
-def checked_datasets(file: h5py.File) -> dict[str, Checked]:
-    """Every dataset by name, in order; ValueError where the file holds anything we never write."""
-    found = {name: _checked_dataset(file.id, name) for name in _names(file.id)}
+def checked_datasets(file: h5py.File) -> tuple[dict[str, Checked], list[str]]:
+    """Every dataset of ours by name, in order; and in words what else there is, which is left unread.
+
+    Ours has the attribute `dims`. ValueError where such a one is as we never write it.
+    """
+    names, strange = _names(file.id)
+    found = {}
+    for name in names:
+        if reason := _stranger(file.id, name.encode()):
+            strange.append(f"{name} {reason}")
+        else:
+            found[name] = _checked_dataset(file.id, name)
     if sum(one.nbytes for one in found.values()) > LARGEST_DECLARED:
         raise ValueError("the datasets declare more bytes than an artefact may have")
-    return found
+    return found, strange
 
 
 def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
@@ -122,22 +172,27 @@ def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
         raise ValueError("one task declares too many bytes")
 
 
-def _names(root: Any) -> list[str]:
+def _names(root: Any) -> tuple[list[str], list[str]]:
+    """The names that a dataset of ours could have, sorted; and in words the others."""
     if root.get_num_objs() > MOST_DATASETS:
         raise ValueError("too many datasets")
-    names: list[bytes] = []
-    root.links.iterate(names.append)
-    for name in names:
-        if not NAME.fullmatch(name.decode("ascii")):
-            raise ValueError(f"{name!r} is no name of a dataset")
-        if root.links.get_info(name).type != h5py.h5l.TYPE_HARD:
-            raise ValueError(f"{name.decode()} is a link that leads elsewhere")
-    return sorted(name.decode() for name in names)
+    raw: list[bytes] = []
+    root.links.iterate(raw.append)
+    texts = [name.decode(errors="backslashreplace") for name in raw]
+    strange = [f"{name!r} is no name of a dataset" for name in texts if not NAME.fullmatch(name)]
+    return sorted(name for name in texts if NAME.fullmatch(name)), strange
+
+
+def _stranger(root: Any, name: bytes) -> str:
+    """Why this is no dataset of ours, found without following it; "" where it may be one."""
+    if root.links.get_info(name).type != h5py.h5l.TYPE_HARD:
+        return "is a link that leads elsewhere"
+    if h5py.h5o.get_info(root, name).type != h5py.h5o.TYPE_DATASET:
+        return "is no dataset"
+    return "" if h5py.h5a.exists(h5py.h5d.open(root, name), b"dims") else "has no dims"
 
 
 def _checked_dataset(root: Any, name: str) -> Checked:
-    if h5py.h5o.get_info(root, name.encode()).type != h5py.h5o.TYPE_DATASET:
-        raise ValueError(f"{name} is no dataset")
     dataset = h5py.h5d.open(root, name.encode())
     settings = dataset.get_create_plist()
     # Before the shape is asked for: that alone makes HDF5 open the sources of a virtual dataset.
@@ -156,7 +211,7 @@ def _checked_dataset(root: Any, name: str) -> Checked:
         raise ValueError(f"{name} could grow, as none of ours can")
     if settings.get_layout() == h5py.h5d.CHUNKED:
         _check_chunks(dataset, settings.get_chunk(), filters, name)
-    return Checked(h5py.Dataset(dataset), attributes(dataset))
+    return Checked(h5py.Dataset(dataset), attributes(dataset, DATASET_ATTRIBUTES))
 
 
 def _check_type(kind: Any, name: str) -> None:

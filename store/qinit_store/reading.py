@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -17,14 +16,25 @@ import numpy as np
 from qinit_store import guard
 from qinit_store.digest import content_sha256, task_digests
 from qinit_store.encoding import MIN_READER, SCHEMA_VERSION
-from qinit_store.errors import Damaged, Refused, StoreError
+from qinit_store.errors import Damaged, NotOurs, Refused, TooNew
+from qinit_store.interrupts import held_back
 from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
+from qinit_store.source import Source
 from qinit_store.spec import canonical_json, spec_sha256
 
 KINDS = ("sources", "fit", "run", "tuning")
 
-# What h5py raises on a file that is not as it should be.
-HDF5_TROUBLE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, EOFError)
+ROOT_ATTRIBUTES = (
+    "qinit_format",
+    "qinit_schema",
+    "qinit_min_reader",
+    "tasks",
+    "spec_json",
+    "spec_sha256",
+    "content_sha256",
+    "provenance_json",
+    "inputs_json",
+)
 
 
 @dataclass(frozen=True)
@@ -41,14 +51,17 @@ class Description:
     tasks: int
     schema_version: int
     size: int  # bytes
-    state: str = "done"  # or "unfinished", "being written", "damaged"
-    problem: str = ""  # why it is damaged
+    state: str = "done"  # or "unfinished", "being written", "unreadable", and those of errors.Damaged
+    problem: str = ""  # why it is not done
 
 
 class Artefact:
     """An open artefact whose content hash holds; task rows are verified as they are read."""
 
-    def __init__(self, file: h5py.File, description: Description, format: str, *, trust: bool) -> None:
+    def __init__(
+        self, source: Source, file: h5py.File, description: Description, format: str, *, trust: bool
+    ) -> None:
+        self._source = source
         self._file = file
         self._description = description
         self.path = description.path
@@ -61,14 +74,30 @@ class Artefact:
         self.schema_version = description.schema_version
         self.format = format
         self._ahead: dict[str, Array] = {}
-        with _trouble_is_damage(self.path):
-            self.schema, self.tasks, self._digests, self._statics = _contents(file, description.kind)
-            lack = missing(self.schema, part=format.startswith("qinit/part/"))
-            if lack:
-                raise ValueError(f"it lacks {lack}")
-            self.trouble = self._content_trouble()
+        contents = source.asked(lambda: _contents(file, description.kind))
+        self.schema, self.tasks = contents.schema, contents.tasks
+        self._digests, self._statics = contents.digests, contents.statics
+        self.strange = contents.strange
+        part = format.startswith("qinit/part/")
+        lack = source.asked(lambda: missing(self.schema, part=part))
+        if lack:
+            raise source.damage("; ".join([f"it lacks {lack}", *self.strange]))
+        self.trouble = source.asked(self._content_trouble)
         if self.trouble and trust:
-            raise Damaged(f"{self.path} is damaged: {self.trouble}; see {_verify(self.path)}")
+            raise source.damage("; ".join([self.trouble, *self.strange]))
+        if self.strange and trust:
+            raise NotOurs(self.strangeness)
+
+    @property
+    def strangeness(self) -> str:
+        """A sentence on what the file holds that qinit did not write; "" where there is nothing."""
+        if not self.strange:
+            return ""
+        some = "; ".join(self.strange[:3]) + ("; ..." if len(self.strange) > 3 else "")
+        return (
+            f"{self.path} was changed by another program after qinit wrote it: {some};"
+            f" `qinit salvage {self.path}` writes an artefact without that"
+        )
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -117,10 +146,9 @@ class Artefact:
         For a first look at small columns whose rows are read in full later, or given to `check_tasks`: these very
         numbers are kept, and verified then.
         """
-        with _trouble_is_damage(self.path):
-            for name in names:
-                self._ahead[name] = self._file[self._column(name).name][...]
-        return {name: self._ahead[name].copy() for name in names}
+        wanted = [self._column(name).name for name in names]
+        self._ahead |= self._source.asked(lambda: {name: self._file[name][...] for name in wanted})
+        return {name: self._ahead[name].copy() for name in wanted}
 
     def blocks(self, names: Iterable[str], size: int) -> Iterator[dict[str, Array]]:
         """The columns `names`, and `task`, of `size` tasks at a time, in the order of ids, verified."""
@@ -131,14 +159,11 @@ class Artefact:
 
     def rows(self, first: int, stop: int) -> dict[str, Array]:
         """Every task column, and `task`, of the rows from `first` up to `stop`, verified."""
-        with _trouble_is_damage(self.path):
-            rows = self._unverified(first, stop)
+        rows = self._unverified(first, stop)
         wrong = self._wrong(first, rows)
         if wrong.size:
             some = ", ".join(map(str, wrong[:5])) + (", ..." if wrong.size > 5 else "")
-            raise Damaged(
-                f"{self.path} is damaged: the digest of task {some} does not hold; see {_verify(self.path)}"
-            )
+            raise self._source.damage(f"the digest of task {some} does not hold")
         return rows
 
     def check_tasks(self) -> None:
@@ -147,7 +172,7 @@ class Artefact:
             self.rows(first, min(first + self.schema.block_size, self.task_count))
 
     def close(self) -> None:
-        self._file.close()
+        _close(self._source, self._file)
 
     def __enter__(self) -> Self:
         return self
@@ -159,12 +184,9 @@ class Artefact:
 
     def _unverified(self, first: int, stop: int) -> dict[str, Array]:
         names = [column.name for column in self.schema.task_columns]
-        rows = {
-            name: self._ahead[name][first:stop].copy()
-            if name in self._ahead
-            else self._file[name][first:stop]
-            for name in names
-        }
+        left = [name for name in names if name not in self._ahead]
+        read = self._source.asked(lambda: {name: self._file[name][first:stop] for name in left})
+        rows = {name: read[name] if name in read else self._ahead[name][first:stop].copy() for name in names}
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
     def damaged_tasks(self) -> Array:
@@ -176,7 +198,7 @@ class Artefact:
         stop = min(first + self.schema.block_size, self.task_count)
         try:
             return self._wrong(first, self._unverified(first, stop))
-        except HDF5_TROUBLE:
+        except Damaged:
             return np.array(
                 [self.tasks[row] for row in range(first, stop) if not self._holds(row)], dtype=np.int64
             )
@@ -184,7 +206,7 @@ class Artefact:
     def _holds(self, row: int) -> bool:
         try:
             return not self._wrong(row, self._unverified(row, row + 1)).size
-        except HDF5_TROUBLE:
+        except Damaged:
             return False
 
     def _wrong(self, first: int, rows: dict[str, Array]) -> Array:
@@ -232,61 +254,84 @@ def open_part(path: Path, kind: str) -> Artefact:
 
 def describe(path: Path) -> Description:
     """The root attributes of the artefact at `path`; nothing else is read."""
-    file, size = _opened(path)
-    with file:
-        return _described(path, file, size)[0]
+    source, file = _opened(path)
+    try:
+        return source.asked(lambda: _described(source, file))[0]
+    finally:
+        _close(source, file)
 
 
 def _open(path: Path, formats: tuple[str, ...], *, trust: bool = True) -> Artefact:
-    file, size = _opened(path)
+    source, file = _opened(path)
     try:
-        description, format = _described(path, file, size)
+        description, format = source.asked(lambda: _described(source, file))
         if format not in formats:
             wanted = " or ".join(one.removeprefix("qinit/") for one in formats)
             raise Refused(f"{path} is of the kind {format.removeprefix('qinit/')}; {wanted} is needed")
-        return Artefact(file, description, format, trust=trust)
+        return Artefact(source, file, description, format, trust=trust)
     except BaseException:
-        file.close()
+        _close(source, file)
         raise
 
 
-def _opened(path: Path) -> tuple[h5py.File, int]:
-    size = guard.checked_file(path)
-    with _trouble_is_damage(path):
-        return h5py.File(path, "r", locking=False), size  # immutable once named, so there is nothing to lock
+def _opened(path: Path) -> tuple[Source, h5py.File]:
+    source = Source(path)
+    try:
+        guard.check_beginning(source)
+        return source, source.asked(lambda: h5py.File(source, "r"))
+    except BaseException:
+        source.close()
+        raise
 
 
-def _described(path: Path, file: h5py.File, size: int) -> tuple[Description, str]:
-    with _trouble_is_damage(path):
-        said = guard.attributes(file.id)
-        format = _text(said, "qinit_format")
-        known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
-        if known is None:
-            raise Damaged(f"{path} is no qinit artefact: its format is {format!r}")
-        if int(said["qinit_min_reader"]) > SCHEMA_VERSION:
-            raise Damaged(
-                f"{path} was written by a newer qinit: it needs a reader of schema"
-                f" {int(said['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
-                " `pip install --upgrade qinit`"
-            )
-        description = Description(
-            path=path,
-            kind=known[1],
-            spec=dict(json.loads(_text(said, "spec_json"))),
-            spec_sha256=_text(said, "spec_sha256"),
-            content_sha256=_text(said, "content_sha256"),
-            provenance=dict(json.loads(_text(said, "provenance_json"))),
-            inputs=tuple(dict(one) for one in json.loads(_text(said, "inputs_json"))),
-            tasks=int(said["tasks"]),
-            schema_version=int(said["qinit_schema"]),
-            size=size,
+def _close(source: Source, file: h5py.File) -> None:
+    with held_back():  # HDF5 calls the source while it closes
+        file.close()
+    source.close()
+
+
+def _described(source: Source, file: h5py.File) -> tuple[Description, str]:
+    """The root attributes, and the format among them."""
+    path, said = source.path, guard.attributes(file.id, ROOT_ATTRIBUTES)
+    if "qinit_format" not in said:
+        raise NotOurs(f"{path} is an HDF5 file, but no artefact of qinit's: it has no qinit_format")
+    format = _text(said, "qinit_format")
+    known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
+    if known is None:
+        raise NotOurs(f"{path} is no artefact that this qinit knows: its format is {format!r}")
+    if int(said["qinit_min_reader"]) > SCHEMA_VERSION:
+        raise TooNew(
+            f"{path} was written by a newer qinit: it needs a reader of schema"
+            f" {int(said['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
+            " `pip install --upgrade qinit`"
         )
+    description = Description(
+        path=path,
+        kind=known[1],
+        spec=dict(json.loads(_text(said, "spec_json"))),
+        spec_sha256=_text(said, "spec_sha256"),
+        content_sha256=_text(said, "content_sha256"),
+        provenance=dict(json.loads(_text(said, "provenance_json"))),
+        inputs=tuple(dict(one) for one in json.loads(_text(said, "inputs_json"))),
+        tasks=int(said["tasks"]),
+        schema_version=int(said["qinit_schema"]),
+        size=source.size,
+    )
     return description, format
 
 
-def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[str, Array]]:
-    """Schema, task ids, task digests and every dataset without a task axis."""
-    datasets = guard.checked_datasets(file)
+@dataclass(frozen=True)
+class _Contents:
+    schema: Schema
+    tasks: Array  # ids
+    digests: Array  # (tasks, 32) u1
+    statics: dict[str, Array]  # every dataset without a task axis
+    strange: list[str]  # in words what qinit did not write
+
+
+def _contents(file: h5py.File, kind: str) -> _Contents:
+    """What the file holds, but for the tasks' columns."""
+    datasets, strange = guard.checked_datasets(file)
     dims = {name: tuple(_text(one.attributes, "dims").split(" ")) for name, one in datasets.items()}
     guard.check_shares(datasets, {name for name in dims if dims[name][0] == TASK})
     axes = tuple(_axis(name, datasets[name]) for name in dims if dims[name] == (name,) and name != TASK)
@@ -300,7 +345,8 @@ def _contents(file: h5py.File, kind: str) -> tuple[Schema, Array, Array, dict[st
     statics = {axis.name: axis.values for axis in axes}
     statics |= {column.name: datasets[column.name].dataset[...] for column in schema.static_columns}
     none = np.empty((0, DIGEST_BYTES), dtype=np.uint8)
-    return schema, ids, datasets[TASK_DIGEST].dataset[...] if schema.task_columns else none, statics
+    digests = datasets[TASK_DIGEST].dataset[...] if schema.task_columns else none
+    return _Contents(schema, ids, digests, statics, strange)
 
 
 def _ids(dataset: h5py.Dataset) -> Array:
@@ -336,17 +382,3 @@ def _text(attributes: Mapping[str, Any], name: str) -> str:
     if not isinstance(value, bytes):
         raise ValueError(f"{name} is no fixed-length text")
     return value.decode()
-
-
-@contextmanager
-def _trouble_is_damage(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except StoreError:
-        raise
-    except HDF5_TROUBLE as problem:
-        raise Damaged(f"{path} is damaged: {problem}; see {_verify(path)}") from problem
-
-
-def _verify(path: Path) -> str:
-    return f"`qinit verify {path}`"

@@ -13,11 +13,14 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from qinit_store.errors import Damaged, NotFound, StoreError
+from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
+from qinit_store.presence import exists
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
+UNREAD = "unread"
 PROGRAM = "import sys; from qinit_store.verify import child; child(sys.argv[1:])"
+ERRORS = {UNREAD: SystemFailed, **{error.state: error for error in (Damaged, NotOurs, TooNew)}}
 
 
 @dataclass(frozen=True)
@@ -30,13 +33,14 @@ class Verdict:
     content_sha256: str = ""
     damaged: tuple[int, ...] = ()  # the ids of the tasks whose digest does not hold
     problem: str = ""  # what else does not hold; "" where all does
+    state: str = "sound"  # or "unread", where the system failed, and those of errors.Damaged
 
     @property
     def sound(self) -> bool:
-        return not self.problem and not self.damaged
+        return self.state == "sound"
 
     def raise_if_damaged(self) -> None:
-        """Damaged, naming the tasks, unless all holds."""
+        """Damaged, naming the tasks, unless all holds; SystemFailed where it was not read to the end."""
         if self.damaged:
             some = ", ".join(map(str, self.damaged[:10])) + (", ..." if len(self.damaged) > 10 else "")
             raise Damaged(
@@ -44,12 +48,12 @@ class Verdict:
                 f" `qinit salvage {self.path}` keeps the others"
             )
         if self.problem:
-            raise Damaged(self.problem)
+            raise ERRORS[self.state](self.problem)
 
 
 def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS) -> Verdict:
     """What a child process limited to `memory` bytes and `seconds` finds; NotFound where there is nothing."""
-    if not path.exists():
+    if not exists(path):
         raise NotFound(f"there is no {path}; `qinit list` shows what there is")
     command = [sys.executable, "-c", PROGRAM, str(path), str(memory), str(seconds)]
     try:
@@ -57,12 +61,14 @@ def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS) -> Verdi
             command, capture_output=True, timeout=seconds + 30, env=_environment(), check=False
         )
     except subprocess.TimeoutExpired:
-        return Verdict(path, problem=f"{path} is refused: reading it takes more than {seconds} s")
+        problem = f"{path} is refused: reading it takes more than {seconds} s"
+        return Verdict(path, problem=problem, state=Damaged.state)
     try:
         found = json.loads(done.stdout)
     except ValueError:
         reason = f"ended by signal {-done.returncode}" if done.returncode < 0 else "ended without a verdict"
-        return Verdict(path, problem=f"{path} is refused: the process that read it {reason}")
+        problem = f"{path} is refused: the process that read it {reason}"
+        return Verdict(path, problem=problem, state=Damaged.state)
     return Verdict(path, **{**found, "damaged": tuple(found["damaged"])})
 
 
@@ -87,14 +93,29 @@ def _examined(path: Path) -> Verdict:
     try:
         with open_doubtful(path) as artefact:
             damaged = tuple(artefact.damaged_tasks().tolist())
-            trouble = f"{path} is damaged: {artefact.trouble}" if artefact.trouble else ""
+            state, problem = "sound", ""
+            if artefact.strangeness:
+                state, problem = NotOurs.state, artefact.strangeness
+            if damaged or artefact.trouble:
+                state = Damaged.state
+            if artefact.trouble:
+                problem = f"{path} is damaged: {artefact.trouble}"
             return Verdict(
-                path, artefact.kind, artefact.task_count, artefact.content_sha256, damaged, trouble
+                path,
+                artefact.kind,
+                artefact.task_count,
+                artefact.content_sha256,
+                damaged,
+                problem,
+                state,
             )
     except MemoryError:
-        return Verdict(path, problem=f"{path} is refused: reading it takes more memory than it may")
+        problem = f"{path} is refused: reading it takes more memory than it may"
+        return Verdict(path, problem=problem, state=Damaged.state)
+    except Damaged as damage:
+        return Verdict(path, problem=str(damage), state=damage.state)
     except StoreError as error:
-        return Verdict(path, problem=str(error))
+        return Verdict(path, problem=str(error), state=UNREAD)
 
 
 def _environment() -> dict[str, str]:

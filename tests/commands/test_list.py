@@ -80,10 +80,13 @@ def test_unfinished_work_is_listed_with_the_command_that_goes_on(
 
 
 def test_damage_is_said_and_the_rest_is_listed(here: Callable[..., Ended], store: Path) -> None:
-    (store / "fits" / "broken.h5").write_bytes(b"no HDF5")
+    whole = next(store.glob("fits/*.h5")).read_bytes()
+    (store / "fits" / "broken.h5").write_bytes(whole[: len(whole) // 2])
+    (store / "fits" / "text.h5").write_bytes(b"no HDF5")
     ended = here("list", "--store", store)
     states = {row["name"]: row["state"] for row in _rows(ended.out)}
     assert states.pop("broken") == "damaged"
+    assert states.pop("text") == "foreign"
     assert set(states.values()) == {"done"}
     assert ended.code == 0
     assert "broken.h5" in here("list", "--store", store, "--format", "table").err

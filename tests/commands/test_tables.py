@@ -259,8 +259,8 @@ def test_an_empty_store_is_an_empty_table_and_a_hint(here: Here) -> None:
     assert "qinit train-sources" in ended.err
 
 
-def test_a_damaged_artefact_is_listed_as_such(here: Here, tmp_path: Any) -> None:
+def test_a_file_that_is_no_artefact_is_listed_as_such(here: Here, tmp_path: Any) -> None:
     (tmp_path / "qinit-store" / "fits").mkdir(parents=True)
     (tmp_path / "qinit-store" / "fits" / "odd.h5").write_text("no artefact")
     [row] = json.loads(here("list", "--json").out)["rows"]
-    assert row["state"].startswith("damaged")
+    assert row["state"] == "foreign"

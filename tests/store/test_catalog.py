@@ -82,7 +82,8 @@ def test_entries_show_finished_unfinished_and_damaged(store):
     make_sources(store.root / "sources" / "whole.h5", tasks=3)
     make_fit(store.root / "fits" / "fit.h5")
     begun = store.root / "sources" / "begun.h5"
-    (store.root / "fits" / "spoilt.h5").write_bytes(b"nothing of ours")
+    (store.root / "fits" / "text.h5").write_bytes(b"nothing of ours")
+    (store.root / "fits" / "spoilt.h5").write_bytes((store.root / "fits" / "fit.h5").read_bytes()[:2000])
     with open_work(begun, SOURCES, spec_for(9), provenance={"command": "qinit begun"}) as work:
         work.save(rows_for([1, 5]), np.array([1, 5]))
         during = {entry.path.name: entry for entry in store.entries()}
@@ -92,6 +93,7 @@ def test_entries_show_finished_unfinished_and_damaged(store):
         "whole.h5": ("sources", "done", 3),
         "fit.h5": ("fit", "done", 0),
         "spoilt.h5": ("fit", "damaged", 0),
+        "text.h5": ("fit", "foreign", 0),
         "begun.h5": ("sources", "unfinished", 2),
     }
     assert during["begun.h5"].state == "being written"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import random
@@ -17,7 +18,8 @@ import pytest
 from fakes import LIGHT, make_fit, make_sources
 from fuzz import checksum, headers
 
-from qinit_store.errors import Damaged, NotFound
+from qinit_store.errors import Damaged, NotFound, NotOurs, TooNew
+from qinit_store.mend import salvage
 from qinit_store.reading import describe, open_artefact
 from qinit_store.verify import verify
 
@@ -37,6 +39,10 @@ def replaced(file, name, **how):
     for key, value in attributes.items():
         dataset.attrs[key] = np.bytes_(value)
     return dataset
+
+
+def dataset_without_axes(file, other):
+    file["notes"] = np.arange(3)
 
 
 # Each gets an open, sound artefact and the path of an equal one. Were the link followed, every digest would hold.
@@ -118,12 +124,12 @@ def compound(file, other):
     )
 
 
-def attribute_of_variable_length(file, other):
-    file.attrs["note"] = "of variable length"
+def settings_of_variable_length(file, other):
+    file.attrs["spec_json"] = "{}"
 
 
-def attribute_of_many_values(file, other):
-    file["steps"].attrs["list"] = np.arange(100)
+def unit_of_many_values(file, other):
+    file["steps"].attrs["units"] = np.arange(100)
 
 
 def attribute_without_a_value(file, other):
@@ -293,8 +299,8 @@ HOSTILE = {
     rows_of_variable_length: "words is of a type that is not ours",
     references: "pointers is of a type that is not ours",
     compound: "pairs is of a type that is not ours",
-    attribute_of_variable_length: "attribute note is of variable length",
-    attribute_of_many_values: "attribute list is no single value",
+    settings_of_variable_length: "attribute spec_json is of variable length",
+    unit_of_many_values: "attribute units is no single value",
     attribute_without_a_value: "attribute units is no single value",
     huge_attribute: "attribute provenance_json has values of more than 4 MiB",
     very_many_attributes: "too many attributes",
@@ -315,6 +321,7 @@ HOSTILE = {
     filter_that_loses: "steps needs a filter that is not ours",
     room_to_grow: "steps could grow",
     single_value: "alone has no dimensions",
+    dataset_without_axes: "notes has no dims; `qinit salvage",
     name_with_a_blank: "is no name of a dataset",
     axes_unknown: "no axis nowhere",
     axes_too_many: "steps does not fit its axes",
@@ -355,13 +362,78 @@ def test_a_stream_that_inflates_a_little_too_much_is_not_read_as_numbers(sound, 
         open_artefact(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 a zip", b"\0" * 4096, b"\x89HDF"])
-def test_what_is_no_hdf5_file_is_refused_before_hdf5_sees_it(tmp_path, content):
+def in_numpy(save, **arrays):
+    content = io.BytesIO()
+    save(content, **arrays)
+    return content.getvalue()
+
+
+# What stands in a file, and what is printed of it; of none is it known that it was ever whole.
+FOREIGN = {
+    "nothing": (b"", "is empty"),
+    "text": ("wärme,1\n2".encode(), "no HDF5 file, but a text"),
+    "zip": (b"PK\x03\x04 a zip", "a zip archive, as numpy's .npz is"),
+    "npz": (in_numpy(np.savez, q=np.ones(3)), "a zip archive, as numpy's .npz is"),
+    "npy": (in_numpy(np.save, arr=np.ones(3)), "an array of numpy's"),
+    "zeros": (b"\0" * 4096, "no HDF5 file, or its first bytes were written over"),
+    "half the magic": (b"\x89HDF", "no HDF5 file, or its first bytes were written over"),
+    "user block": (b"\0" * 1024 + b"\x89HDF\r\n\x1a\n" + b"\0" * 90, "behind a user block of 1024 bytes"),
+    "newer HDF5": (b"\x89HDF\r\n\x1a\n\4\x08\x08" + b"\0" * 90, "version 4 of HDF5's superblock"),
+}
+
+
+@pytest.mark.parametrize(("content", "reason"), FOREIGN.values(), ids=FOREIGN)
+def test_what_is_not_ours_is_named_and_not_called_damaged(tmp_path, content, reason):
     path = tmp_path / "a.h5"
     path.write_bytes(content)
     for reader in (open_artefact, describe):
-        with pytest.raises(Damaged, match="is no HDF5 file, or its beginning is damaged"):
+        with pytest.raises((NotOurs, TooNew), match=reason) as error:
             reader(path)
+        assert "damaged" not in str(error.value)
+
+
+@pytest.mark.parametrize("libver", ["earliest", "latest"])
+def test_an_hdf5_file_of_others_is_not_called_damaged(tmp_path, libver):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w", libver=libver, userblock_size=0) as file:
+        file["x"] = np.arange(3)
+    with pytest.raises(NotOurs, match="is an HDF5 file, but no artefact of qinit's"):
+        open_artefact(path)
+
+
+def test_an_artefact_open_elsewhere_for_writing_is_not_called_damaged(sound, tmp_path):
+    path = tmp_path / "a.h5"
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+"), pytest.raises(NotOurs, match="is open for writing in another program"):
+        open_artefact(path)
+    assert values_of(path) == values_of(sound)
+
+
+def test_attributes_that_others_add_are_let_be(sound, tmp_path):
+    path = tmp_path / "a.h5"
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["note"] = "of variable length"
+        file.attrs["marks"] = [1.0, 2.0]
+        file["steps"].attrs["list"] = np.arange(100)
+        file["steps"].attrs["author"] = h5py.Empty("S7")
+    assert values_of(path) == values_of(sound)
+    assert verify(path).sound
+
+
+def test_what_others_add_is_named_and_salvage_leaves_it_out(sound, tmp_path):
+    path, mended = tmp_path / "a.h5", tmp_path / "mended.h5"
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+") as file:
+        file["notes"] = np.arange(3)
+        file.create_group("my analysis")
+    verdict = verify(path)
+    assert (verdict.damaged, verdict.state) == ((), "foreign")
+    assert "'my analysis' is no name of a dataset; notes has no dims; `qinit salvage" in verdict.problem
+    with pytest.raises(NotOurs, match="was changed by another program after qinit wrote it"):
+        open_artefact(path)
+    assert salvage(path, mended, {}).tolist() == []
+    assert describe(mended).content_sha256 == describe(sound).content_sha256
 
 
 @pytest.mark.parametrize("rest", [b"", b"\0" * 4096, b"\xff" * 4096])
