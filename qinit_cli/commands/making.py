@@ -285,11 +285,9 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, display: Display) -> N
 
 
 def _say_compiling(compiled: str, display: Display) -> None:
-    from qinit_cli.kernels.compiled import cache_folder, cache_statement, needs_compiling
+    from qinit_cli.kernels.compiled import cache_folder, needs_compiling
 
-    if statement := cache_statement():
-        note(display, statement)
-    elif needs_compiling(compiled):
+    if cache_folder() is not None and needs_compiling(compiled):  # else stderr was told why nothing is kept
         note(display, "compiling the kernels, once: some seconds")
     detail(display, f"compiled kernels: {cache_folder()}")
 

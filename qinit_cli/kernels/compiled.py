@@ -4,6 +4,10 @@ Numba's own stamp covers a function's own file: after an edit to a callee elsewh
 running. The folder is therefore named for the bytes of every kernel file and the version of Numba: other
 code, other folder. What a plug-in compiles goes to a folder that is named for its files as well. Any number of
 processes may use and fill a folder at once, and be killed while they do.
+
+Numba's files are pickles: whoever can write them has code run by the next process that reads them. The folder is
+therefore ours alone, and one that is not is left alone; kernels are then compiled in every process, as where the folder
+is full or cannot be written.
 """
 
 from __future__ import annotations
@@ -17,10 +21,13 @@ import tempfile
 import time
 import uuid
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
+
+from qinit_cli.kernels.trusted import Untrusted, check_own, resolved
 
 LEAN = {"_nrt": False}
 UNUSED_SECONDS = 30 * 24 * 3600.0  # after which machine code of other versions is removed
@@ -29,32 +36,51 @@ UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 @cache
 def cache_folder(module: str = __name__) -> Path | None:
-    """Where machine code of a module's package is kept, made if need be; None if that place cannot be written.
+    """Where machine code of a module's package is kept, made if need be; None if that place cannot be written or trusted.
 
-    Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache).
+    Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache). Where it is
+    None, stderr says why, once.
     """
     digest = hashlib.sha256(metadata.version("numba").encode())
     for file in [*sorted(Path(__file__).parent.glob("*.py")), *_others(module)]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
-    folder = _base() / f"kernels-{digest.hexdigest()[:16]}"
     try:
-        if not folder.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            _remove_unused(folder.parent)
-        with tempfile.TemporaryFile(dir=folder):
-            os.utime(folder)  # says that it is used
-            return folder
-    except OSError:
-        return None
+        return _made(resolved(_base()) / f"kernels-{digest.hexdigest()[:16]}")
+    except Untrusted as reason:
+        _report(f"{reason}")
+    except OSError as error:
+        _report(f"{_base()} cannot be written ({error.strerror}); make it writable")
+    return None
+
+
+def _made(folder: Path) -> Path:
+    """The folder, for us alone to read and write, and marked as used."""
+    if not folder.exists():
+        for missing in reversed([place for place in (folder, *folder.parents) if not place.exists()]):
+            with contextlib.suppress(FileExistsError):  # another process was faster
+                missing.mkdir(mode=0o700)
+        _remove_unused(folder.parent)
+    check_own(folder)
+    with tempfile.TemporaryFile(dir=folder):
+        os.utime(folder)
+    return folder
 
 
 def cache_statement() -> str | None:
-    """What to tell the user if machine code cannot be kept, with the remedy; None if it can."""
-    if cache_folder() is not None:
-        return None
-    return (
-        f"{_base()} cannot be written: kernels are compiled anew in every run; set NUMBA_CACHE_DIR elsewhere"
+    """Why machine code cannot be kept, with the remedy; None if it can."""
+    return None if cache_folder() is not None else _reported[-1]
+
+
+_reported: list[str] = []  # what stderr was told
+
+
+def _report(problem: str) -> None:
+    statement = (
+        f"kernels are compiled anew in every run: {problem}, or set NUMBA_CACHE_DIR to a folder of your own"
     )
+    if statement not in _reported:
+        print(statement, file=sys.stderr, flush=True)
+    _reported.append(statement)
 
 
 def needs_compiling(job: str) -> bool:
@@ -65,9 +91,13 @@ def needs_compiling(job: str) -> bool:
 
 def note_compiled(job: str) -> None:
     """Notes that all that this job calls has been compiled and kept."""
-    if (folder := cache_folder()) is not None:
-        folder.mkdir(parents=True, exist_ok=True)  # whoever thought it unused may have removed it
-        (folder / f"{job}.compiled").touch()
+    if (folder := cache_folder()) is None or folder in _full:
+        return
+    try:
+        _made(folder)  # whoever thought it unused may have removed it
+        (folder / f"{job}.compiled").touch(mode=0o600)
+    except (OSError, Untrusted) as error:
+        _give_up(folder, error)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -110,12 +140,19 @@ def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path
     config: Any = numba.config
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(folder or "")
+    compiles = partial(numba.njit, nogil=True, error_model="numpy", **options)
     try:
-        made = numba.njit(nogil=True, cache=folder is not None, error_model="numpy", **options)(function)
+        made = compiles(cache=folder is not None)(function)
+    except RuntimeError:  # Numba found no folder that it can write: ours was filled or removed a moment ago
+        return compiles()(function)
     finally:
         config.CACHE_DIR = kept  # of other users of Numba in this process
-    if folder is not None:
-        _keep_apart(made)
+    if folder is None:
+        return made
+    if not Path(made._cache.cache_path).is_relative_to(folder):  # nor would it be trusted
+        return compiles()(function)
+    _keep_apart(made)
+    _keep_going(made, folder)
     return made
 
 
@@ -129,6 +166,42 @@ def _keep_apart(made: Any) -> None:
     file = made._cache._cache_file
     stem = file._index_name.removesuffix(".nbi")
     file._data_name = lambda number: f"{stem}.{uuid.uuid4().hex}.nbc"
+
+
+def _keep_going(made: Any, folder: Path) -> None:
+    """Lets the function run where its machine code cannot be saved or read: a full disk is no reason to learn nothing."""
+    kept = made._cache
+    load, save = kept.load_overload, kept.save_overload
+
+    def loaded(*asked: Any) -> Any:
+        try:
+            return load(*asked)
+        except (
+            OSError,
+            EOFError,
+            UnpicklingError,
+        ) as error:  # the last two: cut off by a full disk or a power cut
+            _give_up(folder, error)
+            return None
+
+    def saved(*given: Any) -> None:
+        if folder in _full:
+            return
+        try:
+            save(*given)
+        except (OSError, EOFError, UnpicklingError) as error:  # it reads the index first
+            _give_up(folder, error)
+
+    kept.load_overload, kept.save_overload = loaded, saved
+
+
+_full: set[Path] = set()  # folders that took nothing more in this process
+
+
+def _give_up(folder: Path, error: Exception) -> None:
+    _full.add(folder)
+    what = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    _report(f"{folder} keeps nothing more ({what}); make room there or remove it")
 
 
 @cache

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import importlib
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,8 +18,10 @@ from qinit_cli.kernels import compiled
 
 
 @pytest.fixture
-def afresh() -> None:
+def afresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     compiled.cache_folder.cache_clear()
+    monkeypatch.setattr(compiled, "_reported", [])
+    monkeypatch.setattr(compiled, "_full", set())
     yield
     compiled.cache_folder.cache_clear()
 
@@ -142,3 +148,159 @@ print(before, "scipy.linalg" in sys.modules, np.allclose(covariance, np.cov(tabl
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True", "True"]
+
+
+def _by_all(place: Path) -> None:
+    place.chmod(0o777)
+
+
+def _by_the_group(place: Path) -> None:
+    place.chmod(0o770)
+
+
+def _of_another(place: Path) -> None:
+    os.lchown(place, 4711, 4711)
+
+
+def _linked(place: Path) -> None:
+    aside = place.with_name("aside")
+    place.rename(aside)
+    place.symlink_to(aside)
+
+
+root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+
+
+@pytest.mark.usefixtures("afresh")
+@pytest.mark.parametrize("spoil", [_by_all, _by_the_group, pytest.param(_of_another, marks=root_only)])
+@pytest.mark.parametrize("which", ["kernels", "qinit", "chosen", "above"])
+def test_a_folder_that_others_may_write_or_replace_is_not_used_and_named_once(
+    which: str,
+    spoil: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "above" / "chosen"))
+    kernels = compiled.cache_folder()
+    assert kernels is not None
+    place = {"kernels": kernels, "qinit": kernels.parent, **{p.name: p for p in kernels.parents[1:3]}}[which]
+    spoil(place)
+    for _ in range(2):
+        compiled.cache_folder.cache_clear()
+        assert compiled.cache_folder() is None
+    [line] = capsys.readouterr().err.splitlines()
+    assert str(place) in line
+    assert line.endswith("or set NUMBA_CACHE_DIR to a folder of your own")
+    assert compiled.cache_statement() == line
+
+
+@pytest.mark.usefixtures("afresh")
+def test_a_folder_beneath_one_like_tmp_is_used_for_nobody_can_move_it_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tmp_path.chmod(0o1777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert compiled.cache_folder() is not None
+
+
+@pytest.mark.usefixtures("afresh")
+def test_what_is_made_for_machine_code_is_for_its_owner_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "above" / "chosen"))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    assert {place.stat().st_mode & 0o777 for place in (folder, *folder.parents[:3])} == {0o700}
+
+
+@pytest.mark.usefixtures("afresh")
+@pytest.mark.parametrize(
+    "plant",
+    [pytest.param(_of_another, marks=root_only), lambda file: (file.unlink(), os.mkfifo(file)), _linked],
+)
+def test_a_folder_with_a_file_that_is_not_ours_or_no_file_is_not_used(
+    plant: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    (folder / "kernels_1").mkdir()
+    (folder / "kernels_1" / "code.nbi").write_bytes(b"machine code")
+    compiled.cache_folder.cache_clear()
+    assert compiled.cache_folder() == folder
+    plant(folder / "kernels_1" / "code.nbi")
+    compiled.cache_folder.cache_clear()
+    assert compiled.cache_folder() is None
+    assert "code.nbi" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("afresh")
+def test_a_linked_folder_is_not_used_but_a_link_of_ours_above_it_is_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "scratch").mkdir()
+    (tmp_path / "cache").symlink_to("scratch")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    folder = compiled.cache_folder()
+    assert folder is not None
+    assert folder.parent == tmp_path / "scratch" / "qinit"
+    _linked(folder)
+    compiled.cache_folder.cache_clear()
+    assert compiled.cache_folder() is None
+
+
+@pytest.mark.usefixtures("afresh")
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO])
+@pytest.mark.parametrize("broken", ["_open_for_write", "_load_index"])
+def test_machine_code_that_cannot_be_saved_or_read_is_compiled_and_the_folder_named_once(
+    broken: str,
+    number: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "doubling.py").write_text("def double(number):\n    return 2 * number\n")
+    monkeypatch.delitem(sys.modules, "doubling", raising=False)
+    double = compiled.compiled(importlib.import_module("doubling").double)
+
+    def failing(*arguments: Any) -> Any:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(double._cache._cache_file, broken, failing)
+    assert (double(2), double(1.5)) == (4, 3.0)
+    [line] = capsys.readouterr().err.splitlines()
+    assert str(tmp_path / "cache") in line
+    assert os.strerror(number) in line
+
+
+@pytest.mark.usefixtures("afresh")
+def test_an_index_cut_off_by_a_full_disk_or_a_power_cut_is_compiled_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "tripling.py").write_text("def triple(number):\n    return 3 * number\n")
+    triple = importlib.import_module("tripling").triple
+    first = compiled.compiled(triple)
+    assert first(2) == 6
+    Path(first._cache._cache_file._index_path).write_bytes(b"")
+    assert compiled.compiled(triple)(2) == 6
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("afresh")
+def test_machine_code_is_never_kept_in_a_folder_of_numbas_choice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "halving.py").write_text("def halve(number):\n    return number / 2\n")
+    halve = importlib.import_module("halving").halve
+    folder = compiled.cache_folder("halving")
+    assert folder is not None
+    folder.rmdir()
+    folder.touch()  # as on a disk without room for a folder; Numba would go on to __pycache__
+    assert compiled.compiled(halve).stats.cache_path is None
