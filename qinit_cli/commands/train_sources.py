@@ -110,6 +110,10 @@ def train_sources(
     sentence = (
         f"{made.tally.tasks} tasks: already complete" if made.complete_before else _summary(made, tasks)
     )
+    ends = family.ends()
+    made.tally.extra |= ends
+    if ends:
+        sentence += f"; the goal: {ends['goal']}"
     say_result(made, "qinit.train-sources/1", sentence, output, display)
 
 
@@ -118,9 +122,7 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     from qinit_cli.stages.sources import SourceTasks
 
     if sources.learner == "exact" and not family.tabular:
-        raise UsageError(
-            f"{family.name} is not Markov in its table's states, so it has no exact tables; leave out --learner exact"
-        )
+        raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
     learning = sources.learning(type(family))
     if refusal := family.refusal(learning):
         raise UsageError(refusal)

@@ -81,6 +81,18 @@ class Family(Protocol):
         """What whoever uses this distribution should know; empty if nothing."""
         ...
 
+    @property
+    def untabled(self) -> str:
+        """Why there are no exact tables; empty if there are."""
+        ...
+
+    def ends(self) -> dict[str, Any]:
+        """Which ends are the goal, where that is a matter of settings: `goal` in words, and what else is known of it.
+
+        The summary of train-sources tells it, and its --json has all of it; empty where the family has one goal anyway.
+        """
+        ...
+
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         ...

@@ -8,17 +8,17 @@ exactly; else it is simulated by gymnasium itself, step by step, in Python.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
+from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, with_values
 from qinit_cli.environments.gym_making import Settings, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
-from qinit_cli.environments.gym_tables import SURVIVED, Table, table, verdict
+from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, Table, named, table, verdict
 from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
@@ -118,14 +118,51 @@ class Gym(TableFamily):
     @property
     def warning(self) -> str:
         """What whoever uses this distribution should know; empty if nothing."""
+        told = (
+            [f"{self._doubt}; so it is stepped, as an environment without a table is"] if self._doubt else []
+        )
         if not self._variations:
-            return "without --vary all tasks are the same: there is no distribution to transfer from"
-        return ""
+            told.append("without --vary all tasks are the same: there is no distribution to transfer from")
+        idle_ones = idle(
+            self.env_id, self._settings, self._variations, (self.goal or "") if self.tabular else None
+        )
+        if idle_ones:
+            seen = "their tables are equal" if self.tabular else f"{PLAYED} steps are the same whatever it is"
+            told.append(
+                f"{' and '.join(idle_ones)} of {self.env_id} changes nothing from task to task: {seen}"
+            )
+        return "; ".join(told)
 
     @property
     def tabular(self) -> bool:  # type: ignore[override]  # a matter of the environment here
-        """Whether the environment has a table of its transitions, and ends by itself."""
-        return self._seen.table and self.goal != SURVIVED
+        """Whether the environment has a table of its transitions that its steps agree with, and ends by itself."""
+        return self._has_table and not self._doubt
+
+    @property
+    def untabled(self) -> str:
+        """Why there are no exact tables; empty if there are."""
+        if self.tabular:
+            return ""
+        if self._seen.table and self.goal == SURVIVED:
+            return "what --goal survived is worth depends on the time, which no table knows"
+        return self._doubt or f"{self.env_id} has no table of its transitions"
+
+    def ends(self) -> dict[str, Any]:
+        """Which ends are the goal: in words, and where there are tables their rewards and states."""
+        if not self.tabular:
+            rule = {TERMINATED: "every end", SURVIVED: "the horizon; every end is lost"}
+            return {"goal": rule.get(self.goal or "", f"ends with {self.goal}; others are lost")}
+        goals, others = ends(self.env_id, self._settings, self._variations, self.goal or "")
+        rewards, states = sorted({reward for reward, _ in goals}), sorted({state for _, state in goals})
+        lost = (
+            f"; those with {named('reward', sorted({reward for reward, _ in others}))} are lost"
+            if others
+            else ""
+        )
+        said = (
+            f"{'' if others else 'all '}ends with {named('reward', rewards)} ({named('state', states)}){lost}"
+        )
+        return {"goal": said, "goal_rewards": rewards, "goal_states": states}
 
     @property
     def actions(self) -> tuple[str, ...]:  # type: ignore[override]  # a matter of the environment here
@@ -182,7 +219,7 @@ class Gym(TableFamily):
         from qinit_cli.kernels.tables import Tables
 
         if not self.tabular:
-            raise NotAllowed(f"{self.env_id} has no table of its transitions; learn it by q-learning")
+            raise NotAllowed(f"{self.untabled}; learn it by q-learning")
         each = [self._table(task) for task in tasks]
         most = max((one.after.shape[2] for one in each), default=1)
         shape = (len(each), self._seen.states, self._seen.actions, most)
@@ -285,8 +322,9 @@ class Gym(TableFamily):
             table(self.env_id, self._example, self.goal or "")  # says so itself if no end is the goal
             return ""
         if not self.goal:
+            lacking = self._doubt or f"{self.env_id} has no table that tells how its episodes end"
             return (
-                f"{self.env_id} has no table that tells how its episodes end; say which end is the goal: "
+                f"{lacking}; say which end is the goal: "
                 "--goal terminated, --goal survived, or a rule such as --goal 'reward>0'"
             )
         verdict(self.goal)
@@ -314,7 +352,18 @@ class Gym(TableFamily):
     @property
     def _example(self) -> Settings:
         """What an environment is made with that stands for all: what is varied is drawn with a fixed seed."""
-        return _example(self._settings, self._variations)
+        return examples(self._settings, self._variations)[0]
+
+    @property
+    def _has_table(self) -> bool:
+        return self._seen.table and self.goal != SURVIVED
+
+    @property
+    def _doubt(self) -> str:
+        """Why the environment's table is not believed; empty if it is, or if there is none."""
+        if not self._has_table:
+            return ""
+        return doubt(self.env_id, self._settings, self._variations, self.goal or "")
 
     def _of(self, task: Any) -> Settings:
         """What the task's environment is made with."""
@@ -369,16 +418,3 @@ class Gym(TableFamily):
     @property
     def _seen(self) -> Seen:
         return seen(self.env_id, self._example, self.bins or "", self._texts("range"))
-
-
-def with_values(settings: Settings, drawn: Iterable[tuple[Variation, Any]]) -> Settings:
-    """The settings, and what was drawn for each variation, in a form that can be kept."""
-    return Settings((*settings, *((each.name, each.value(value)) for each, value in drawn)))
-
-
-@lru_cache(64)
-def _example(settings: Settings, variations: tuple[Variation, ...]) -> Settings:
-    import numpy as np
-
-    chance = np.random.Generator(np.random.PCG64(0))
-    return with_values(settings, [(each, each.draw(chance)) for each in variations])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
 from qinit_cli.environments.foreign import aside, calling, told
+from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind
 from qinit_cli.environments.modules import registered_id
 from qinit_cli.errors import UsageError
 
@@ -77,9 +77,9 @@ def made(env_id: str, settings: Settings) -> Any:
             spec = gymnasium.spec(bare)
             creator: Any = spec.entry_point
             kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
-            known = _arguments(kind)
+            known = arguments(kind)
             given = {name: copy.deepcopy(value) for name, value in settings if name in known}
-            _check_flags(env_id, kind, given)
+            check_arguments(env_id, kind, known, given)
             env = gymnasium.make(bare, disable_env_checker=True, **given)
         except UsageError:
             raise
@@ -148,35 +148,13 @@ def _is_transparent(wrapper: Any) -> bool:
 
 
 def _owns_table(bare: Any) -> bool:
-    return isinstance(getattr(bare, "P", None), dict) and hasattr(bare, "initial_state_distrib")
+    return isinstance(getattr(bare, "P", None), dict | list | tuple) and hasattr(
+        bare, "initial_state_distrib"
+    )
 
 
 def _plain(error: BaseException) -> str:
     return " ".join(str(error).split())
-
-
-def _arguments(kind: Callable[..., Any]) -> list[str]:
-    """The names of a constructor's arguments; of one that hands others on, also those of the classes it is made from."""
-    classes = kind.__mro__ if isinstance(kind, type) else (kind,)
-    names: list[str] = []
-    for each in classes:
-        if isinstance(each, type) and "__init__" not in vars(each):
-            continue
-        parameters = inspect.signature(each).parameters.values()
-        names += [one.name for one in parameters if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
-        if not any(one.kind is one.VAR_KEYWORD for one in parameters):
-            break
-    return list(dict.fromkeys(names))
-
-
-def _check_flags(env_id: str, kind: Callable[..., Any], given: dict[str, Any]) -> None:
-    """UsageError where an argument that is true or false is drawn: any number but 0 would be true."""
-    parameters = inspect.signature(kind).parameters
-    for name, value in given.items():
-        if name in parameters and isinstance(parameters[name].default, bool) and isinstance(value, float):
-            raise UsageError(
-                f"{name} of {env_id} is True or False, no number: --set {name}=True, or vary another"
-            )
 
 
 def _set(env: Any, env_id: str, name: str, value: Any, known: Iterable[str]) -> None:
@@ -189,6 +167,7 @@ def _set(env: Any, env_id: str, name: str, value: Any, known: Iterable[str]) -> 
             f"{env_id} has made its transitions by the time that {name} could be set; "
             f"what its constructor takes can change: {', '.join(known)}"
         )
+    check_kind(env_id, name, value, there[name])
     with calling(env_id, f"setting {name}={value!r}"):
         setattr(bare, name, value)
 

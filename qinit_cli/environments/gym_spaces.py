@@ -105,7 +105,8 @@ def _spaces(env_id: str, env: Any, bins: str, ranges: tuple[str, ...]) -> Seen:
         )
     first = 0 if lows else int(env.observation_space.start)
     actions = int(env.action_space.n)
-    return Seen(shape, actions, has_table(env), lows, highs, np.empty(0, np.int64), first)
+    tabled = has_table(env) and observed == "Discrete" and first == 0  # P numbers states from 0 on
+    return Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first)
 
 
 def _grid(env: Any) -> tuple[int, ...]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qinit_cli.environments.gym_making import Settings, opened
+from qinit_cli.environments.gym_transitions import Transitions, transitions
 from qinit_cli.errors import NotAllowed, UsageError
 
 if TYPE_CHECKING:
@@ -18,9 +19,12 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats
 
 KEPT = 1024  # tasks whose tables are kept in memory: each is asked for several times
-ROUNDING = 1e-9  # of chances that were added up or divided
+KEPT_UNREAD = 16  # tasks whose P is kept as it was read, which takes far more
+TOLD = 8  # states or rewards that a sentence names
 RULE = re.compile(r"reward(>=|<=|>|<)(-?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)")
 PAID_BEST, TERMINATED, SURVIVED = "", "terminated", "survived"
+
+End = tuple[float, int]  # the reward, and the state in which the episode ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,8 @@ class Table:
     chance: Floats  # (S, A, O)
     start: Floats  # (S,)
     open: Flags  # (S,)
+    goals: frozenset[End]  # ends that are the goal ...
+    lost: frozenset[End]  # ... and those that are not
 
 
 def verdict(goal: str) -> Callable[[float], bool]:
@@ -49,68 +55,61 @@ def verdict(goal: str) -> Callable[[float], bool]:
 
 @lru_cache(KEPT)
 def table(env_id: str, settings: Settings, goal: str) -> Table:
-    """The task's table; NotAllowed where no end of it is the goal."""
+    """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
     from qinit_cli.kernels.stepping import GOAL, LOST
 
-    with opened(env_id, settings) as env:
-        start: Floats = np.array(env.unwrapped.initial_state_distrib, np.float64)
-        ways = env.unwrapped.P
-    states, actions = len(ways), len(ways[0])
-    open = _open(ways, start)
-    ends = [
-        float(reward)
-        for state in np.flatnonzero(open)
-        for outcomes in ways[int(state)].values()
-        for chance, _, reward, done in outcomes
-        if done and chance > 0
-    ]
-    best = max(ends, default=0.0)
+    there = read(env_id, settings)
+    open = _open(there)
+    ends = {(way[2], way[1]) for state, _, way in there if open[state] and way[3]}
+    rewards = {reward for reward, _ in ends}
+    best = max(rewards, default=0.0)
     reached = verdict(goal) if goal else lambda reward: reward == best
-    if not any(map(reached, ends)):
-        told = f"its episodes end with rewards {', '.join(f'{end:g}' for end in sorted(set(ends)))}"
-        raise NotAllowed(
-            f"no end of {env_id} is the goal by --goal {goal}: {told if ends else 'it never ends'}"
-        )
+    if not any(map(reached, rewards)):
+        told = f"its episodes end with {named('reward', sorted(rewards))}" if ends else "it never ends"
+        raise NotAllowed(f"no end of {env_id} is the goal{f' by --goal {goal}' if goal else ''}: {told}")
     merged: list[dict[int, float]] = []
-    for state in range(states):
-        for action in range(actions):
-            outcomes: dict[int, float] = {}
-            _check_chances(env_id, settings, [float(way[0]) for way in ways[state][action]])
-            for odds, there, reward, done in ways[state][action]:
-                end = (GOAL if reached(float(reward)) else LOST) if done else int(there)
-                outcomes[end] = outcomes.get(end, 0.0) + float(odds)
-            merged.append({end: odds for end, odds in outcomes.items() if odds > 0})
+    for ways in (ways for actions in there.ways for ways in actions):
+        outcomes: dict[int, float] = {}
+        for odds, after_it, reward, done in ways:
+            end = (GOAL if reached(reward) else LOST) if done else after_it
+            outcomes[end] = outcomes.get(end, 0.0) + odds
+        merged.append(outcomes)
     most = max(map(len, merged))
     after, chance = np.full((len(merged), most), LOST, np.int32), np.zeros((len(merged), most))
     for place, outcomes in enumerate(merged):
         after[place, : len(outcomes)] = list(outcomes)
         chance[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
-    shape = (states, actions, most)
-    return Table(after.reshape(shape), chance.reshape(shape), start / start.sum(), open)
+    shape = (len(there.ways), len(there.ways[0]), most)
+    goals = frozenset(end for end in ends if reached(end[0]))
+    return Table(
+        after.reshape(shape), chance.reshape(shape), there.start, open, goals, frozenset(ends) - goals
+    )
 
 
-def _check_chances(env_id: str, settings: Settings, chances: list[float]) -> None:
-    """NotAllowed where the chances of an action's outcomes are none: a constructor may take any number for one."""
-    if min(chances) < -ROUNDING or abs(sum(chances) - 1) > ROUNDING:
-        raise NotAllowed(
-            f"{env_id} with {settings.told} has a move whose outcomes have the chances "
-            f"{', '.join(f'{chance:g}' for chance in chances)}: they must be within 0 and 1, and sum to 1"
-        )
+@lru_cache(KEPT_UNREAD)
+def read(env_id: str, settings: Settings) -> Transitions:
+    """What the environment's own table says; NotAllowed where it is faulty."""
+    with opened(env_id, settings) as env:
+        return transitions(env_id, settings, env)
 
 
-def _open(ways: Any, start: Floats) -> Flags:
+def named(noun: str, numbers: Sequence[float]) -> str:
+    """The numbers behind their noun, the first TOLD of them: reward 1; states 5, 7, 11."""
+    said, more = [f"{number:g}" for number in numbers[:TOLD]], len(numbers) - TOLD
+    return f"{noun}{'s' if numbers[1:] else ''} {', '.join(said)}{f' and {more} more' if more > 0 else ''}"
+
+
+def _open(there: Transitions) -> Flags:
     """Where episodes go on, (S,): not where they only ever come to end."""
     import numpy as np
 
-    ended, entered = np.zeros(len(start), bool), start > 0
-    for state, actions in ways.items():
-        for outcomes in actions.values():
-            for chance, there, _, done in outcomes:
-                if chance > 0 and done:
-                    ended[there] = True
-                elif chance > 0 and there != state:
-                    entered[there] = True
+    ended, entered = np.zeros(len(there.start), bool), there.start > 0
+    for state, _, (_, after, _, done) in there:
+        if done:
+            ended[after] = True
+        elif after != state:
+            entered[after] = True
     open: Flags = ~ended | entered
     return open

@@ -126,6 +126,15 @@ class MountainCar:
         """One task: its push; 0 where pushes are drawn every step."""
         return (float(chance.normal(0.0, self.spread)) if self.noise_per == "task" else 0.0,)
 
+    @property
+    def untabled(self) -> str:
+        """Why there are no exact tables."""
+        return "mountain-car is not Markov in its table's states"
+
+    def ends(self) -> dict[str, Any]:
+        """Which ends are the goal, where that is a matter of settings: nothing."""
+        return {}
+
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""

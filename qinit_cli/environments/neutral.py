@@ -98,6 +98,15 @@ class NeutralFamily:
         """What whoever uses this distribution should know; nothing."""
         return ""
 
+    @property
+    def untabled(self) -> str:
+        """Why there are no exact tables; empty if there are."""
+        return "" if self.tabular else f"{self.name} is not Markov in its table's states"
+
+    def ends(self) -> dict[str, Any]:
+        """Which ends are the goal, where that is a matter of settings: nothing."""
+        return {}
+
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""

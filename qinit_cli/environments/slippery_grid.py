@@ -91,6 +91,15 @@ class SlipperyGrid:
         """What whoever uses this distribution should know; nothing."""
         return ""
 
+    @property
+    def untabled(self) -> str:
+        """Why there are no exact tables: there are."""
+        return ""
+
+    def ends(self) -> dict[str, Any]:
+        """Which ends are the goal, where that is a matter of settings: nothing."""
+        return {}
+
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""

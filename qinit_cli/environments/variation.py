@@ -104,10 +104,12 @@ def _fault(kind: str, first: float, second: float) -> str:
 
 
 def setting(text: str) -> tuple[str, Any]:
-    """The name and the value in NAME=VALUE: a number, True, False or None as Python writes them, else the text itself."""
+    """The name and the value in NAME=VALUE: what Python writes so, nan and inf among it, else the text itself."""
     name, equals, value = text.partition("=")
     if not (equals and NAME.fullmatch(name)):
         raise ValueError(f"--set {text}: write NAME=VALUE")
+    if value.lstrip("+-") in ("nan", "inf"):  # numbers, whatever becomes of them
+        return name, float(value)
     try:
         return name, ast.literal_eval(value)
     except (ValueError, SyntaxError):

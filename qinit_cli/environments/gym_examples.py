@@ -1,0 +1,127 @@
+"""A few tasks that stand for a whole distribution: are its tables to be believed, and has what is varied any effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
+from typing import Any
+
+from qinit_cli.environments.foreign import fault
+from qinit_cli.environments.gym_agreement import disagreement
+from qinit_cli.environments.gym_making import Settings, opened
+from qinit_cli.environments.gym_tables import End, Table, table
+from qinit_cli.environments.variation import Variation
+from qinit_cli.errors import NotAllowed, UsageError
+
+DRAWN = 4  # tasks, with seeds 0 to 3; the first is the example
+# steps in which the first must agree with its table, and each of the others: about a tenth of a second in all
+STEPS, FEWER_STEPS = 4_000, 1_000
+PLAYED = 300  # steps of each task without a table in which what is varied may show
+
+
+def with_values(settings: Settings, drawn: Iterable[tuple[Variation, Any]]) -> Settings:
+    """The settings, and what was drawn for each variation, in a form that can be kept."""
+    return Settings((*settings, *((each.name, each.value(value)) for each, value in drawn)))
+
+
+@lru_cache(64)
+def examples(settings: Settings, variations: tuple[Variation, ...]) -> tuple[Settings, ...]:
+    """What some tasks are made with; one of them where nothing is varied."""
+    import numpy as np
+
+    drawn = []
+    for seed in range(DRAWN if variations else 1):
+        chance = np.random.Generator(np.random.PCG64(seed))
+        drawn.append(with_values(settings, [(each, each.draw(chance)) for each in variations]))
+    return tuple(drawn)
+
+
+@lru_cache(64)
+def doubt(env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str) -> str:
+    """Why the tables of these tasks are not believed; empty if they are. NotAllowed where the example's is faulty."""
+    first, *others = examples(settings, variations)
+    found = [(first, disagreement(env_id, first, goal, STEPS))]
+    for other in others:
+        found += [
+            (other, why) for why in _if_sound(lambda one: disagreement(env_id, one, goal, FEWER_STEPS), other)
+        ]
+    told = [(one, why) for one, why in found if why]
+    if not told:
+        return ""
+    one, why = told[0]
+    return f"the table P of {env_id} with {one.told} is not all that happens: {why}"
+
+
+def ends(
+    env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str
+) -> tuple[list[End], list[End]]:
+    """The ends of these tasks that are the goal, and the others."""
+    tables = [
+        there for one in examples(settings, variations) for there in _if_sound(_table_of(env_id, goal), one)
+    ]
+    goals = {end for there in tables for end in there.goals}
+    return sorted(goals), sorted({end for there in tables for end in there.lost})
+
+
+@lru_cache(64)
+def idle(
+    env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str | None
+) -> tuple[str, ...]:
+    """What is varied but seems to change nothing; `goal` None: as far as played steps show, else by the tables."""
+    first, *_ = examples(settings, variations)
+    alike = _played if goal is None else _bits
+    found = []
+    for each in variations:
+        others = [
+            Settings((name, dict(one)[name] if name == each.name else value) for name, value in first)
+            for one in examples(settings, variations)
+        ]
+        shown = [
+            bits for one in others for bits in _if_sound(lambda one: alike(env_id, one, goal or ""), one)
+        ]
+        if len(shown) > 1 and all(bits == shown[0] for bits in shown):
+            found.append(each.name)
+    return tuple(found)
+
+
+def _if_sound(does: Callable[[Settings], Any], settings: Settings) -> Iterator[Any]:
+    """What is found of a task, nothing where it cannot be: whoever draws such a task is told then."""
+    try:
+        yield does(settings)
+    except (NotAllowed, UsageError):
+        return
+
+
+def _table_of(env_id: str, goal: str) -> Callable[[Settings], Table]:
+    return lambda settings: table(env_id, settings, goal)
+
+
+def _bits(env_id: str, settings: Settings, goal: str) -> Any:
+    """The table, in a form that can be compared."""
+    there = table(env_id, settings, goal)
+    return there.after.shape, *(
+        each.tobytes() for each in (there.after, there.chance, there.start, there.open)
+    )
+
+
+def _played(env_id: str, settings: Settings, goal: str) -> Any:
+    """What PLAYED steps show, whose seeds and actions are fixed."""
+    import numpy as np
+
+    with opened(env_id, settings) as env:
+        actions = np.random.Generator(np.random.PCG64(0)).integers(int(env.action_space.n), size=PLAYED)
+        shown: list[str] = []
+        seed, begins = 0, True
+        for action in actions.tolist():
+            call = f"reset(seed={seed})"
+            try:
+                if begins:
+                    shown.append(repr(np.asarray(env.reset(seed=seed)[0]).tolist()))
+                    seed += 1
+                call = f"step({action})"
+                observed, reward, terminated, truncated, _ = env.step(action)
+            except (Exception, SystemExit) as error:
+                raise fault(env_id, call, error) from error
+            shown.append(repr((np.asarray(observed).tolist(), float(reward), terminated, truncated)))
+            begins = bool(terminated or truncated)
+    return shown
