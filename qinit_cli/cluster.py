@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.kernels.batch import Watch
+from qinit_cli.watch import Watch
 from qinit_cli.workforce import IN_FLIGHT, Careful, Outcome, batches, results
 from qinit_store.errors import SystemFailed
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
     Learn = Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
 
@@ -45,9 +45,11 @@ class Careful:
 
     def __call__(self, batch: Integers) -> Outcome:
         """The outcome of the tasks with these ids; no exception of theirs is raised."""
+        watch = self.watch.part()
         try:
-            return Outcome(*self.learn(batch, self.watch))
+            return Outcome(*self.learn(batch, watch))
         except Exception as error:
+            watch.take_back()
             if len(batch) == 1:
                 return Outcome(batch[:0], {}, ((int(batch[0]), error),))
         return _together([self(batch[place : place + 1]) for place in range(len(batch))])

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from qinit_cli import cluster
 from qinit_cli.errors import NotAllowed
-from qinit_cli.kernels.batch import Watch
+from qinit_cli.watch import Watch
 from qinit_store.errors import SystemFailed
 
 distributed = pytest.importorskip("distributed")

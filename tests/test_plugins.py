@@ -171,7 +171,8 @@ LEARNED = """
 import numpy as np
 from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.family import draw_tasks
-from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Records, Start, learn
+from qinit_cli.watch import Watch
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream

@@ -45,7 +45,7 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
     """
     import numpy as np
 
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
     path, count = place(plan, output, work), len(share_of(plan.count, *work.share))
     missing = max(0, count - _saved(path, plan, Path(output.store), share=count < plan.count))

@@ -22,7 +22,7 @@ from qinit_cli.registry import PLUG_IN
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
     from qinit_cli.workforce import Crew, Learn
     from qinit_store.schema import Schema
     from qinit_store.work import Work as StoreWork
@@ -198,8 +198,8 @@ def _learn_missing(
 ) -> Tally:
     import numpy as np
 
-    from qinit_cli.kernels.batch import Watch
     from qinit_cli.kernels.compiled import note_compiled
+    from qinit_cli.watch import Watch
 
     missing = np.setdiff1d(asked, artefact.saved)
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))

@@ -12,9 +12,11 @@ from qinit_cli.commands.groups import Display
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
-PLAIN_INTERVAL = 30.0  # seconds between lines where there is no terminal
+FIRST_LINE = 5.0  # seconds after which the first line of progress comes where there is no terminal ...
+PLAIN_INTERVAL = 30.0  # ... and between one and the next
+ETA_AFTER = 1.0  # second of learning: what is told of the time left before is a guess
 
 
 def console(display: Display, *, stderr: bool = False) -> Console:
@@ -43,13 +45,13 @@ def detail(display: Display, text: str) -> None:
 
 
 class Progress:
-    """Tasks done, steps a second and the time left: a bar on a terminal, else a plain line at most every 30 s."""
+    """Tasks finished, speed and the time left: a bar on a terminal, else plain lines."""
 
     def __init__(self, display: Display, what: str, done: int, total: int, watch: Watch) -> None:
         self._what, self._done, self._total, self._watch = what, done, total, watch
         self._before = done
-        self._started = self._said = time.monotonic()
-        self._quiet = display.quiet
+        self._started = time.monotonic()
+        self._lines = Lines(display)
         self._bar = _bar(display, what, done, total) if sys.stderr.isatty() and not display.quiet else None
 
     def __enter__(self) -> Progress:
@@ -63,48 +65,83 @@ class Progress:
             self._bar.stop()
 
     def advance(self, tasks: int) -> None:
-        """Counts finished tasks."""
+        """Counts tasks that were handed in."""
         self._done += tasks
         self.tick()
 
     def tick(self) -> None:
         """Shows where things stand."""
         if self._bar is not None:
-            self._bar.update(self._bar.task_ids[0], completed=self._done, rate=self._rate())
-        elif not self._quiet and time.monotonic() - self._said >= PLAIN_INTERVAL:
-            self._said = time.monotonic()
-            left = self._left()
-            ending = f", about {left:.0f} s left" if left is not None else ""
-            print(
-                f"{self._what}: {self._done} of {self._total} tasks, {self._rate()}{ending}",
-                file=sys.stderr,
-                flush=True,
+            self._bar.update(
+                self._bar.task_ids[0],
+                completed=self._before + self.share * (self._total - self._before),
+                done=f"{self._finished}/{self._total}",
+                rate=self._rate(),
+                left=self._left(),
             )
+        elif self._lines.due:
+            parts = (f"{self._finished} of {self._total} tasks", self._rate(), self._left())
+            self._lines.say(f"{self._what}: {', '.join(part for part in parts if part)}")
+
+    @property
+    def share(self) -> float:
+        """How much of what is to be learned was learned, tasks at work by the episodes that ended: from 0 to 1."""
+        missing = self._total - self._before
+        return min(1.0, max(self._done - self._before, self._watch.tasks) / missing) if missing else 1.0
+
+    @property
+    def _finished(self) -> int:
+        return min(self._total, max(self._done, self._before + self._watch.finished))
 
     def _rate(self) -> str:
         seconds = max(time.monotonic() - self._started, 1e-9)
         rate = self._watch.steps / seconds
-        return f"{rate / 1e6:.1f} M steps/s" if rate >= 1e5 else f"{rate:,.0f} steps/s"
+        if rate:
+            return f"{rate / 1e6:.1f} M steps/s" if rate >= 1e5 else f"{rate:,.0f} steps/s"
+        tasks = self.share * (self._total - self._before) / seconds  # exact tables take no steps
+        return f"{tasks:,.3g} tasks/s" if tasks else ""
 
-    def _left(self) -> float | None:
-        done = self._done - self._before
-        seconds = time.monotonic() - self._started
-        return seconds * (self._total - self._done) / done if done else None
+    def _left(self) -> str:
+        seconds, share = time.monotonic() - self._started, self.share
+        return f"{clock(seconds * (1.0 - share) / share)} left" if share and seconds >= ETA_AFTER else ""
+
+
+class Lines:
+    """Plain lines of progress, where there is no terminal: the first after some seconds, for short work none at all."""
+
+    def __init__(self, display: Display) -> None:
+        self._quiet = display.quiet
+        self._next = time.monotonic() + FIRST_LINE
+
+    @property
+    def due(self) -> bool:
+        """Whether the next line may be printed."""
+        return not self._quiet and time.monotonic() >= self._next
+
+    def say(self, text: str) -> None:
+        """Prints a line on stderr."""
+        self._next = time.monotonic() + PLAIN_INTERVAL
+        print(text, file=sys.stderr, flush=True)
+
+
+def clock(seconds: float) -> str:
+    """The seconds as 0:07, 12:34 or 1:02:03."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 def _bar(display: Display, what: str, done: int, total: int):  # type: ignore[no-untyped-def]  # rich is imported late
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
     bar = Bar(
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
+        *(TextColumn(f"{{task.fields[{name}]}}") for name in ("done", "rate", "left")),
         console=console(display, stderr=True),
         transient=True,
         expand=True,
     )
-    bar.add_task(what, total=total, completed=done, rate="")
+    bar.add_task(what, total=total, completed=done, done=f"{done}/{total}", rate="", left="")
     return bar

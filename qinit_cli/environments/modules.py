@@ -17,7 +17,7 @@ from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
     Learn = Callable[[Integers, Watch], tuple[Integers, dict[str, Any]]]
 

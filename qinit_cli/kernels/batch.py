@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from qinit_cli.kernels.lane import Evaluation, Setting, Tasks, new_lanes
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, Posterior, new_posterior
 from qinit_cli.learning import Learning
+from qinit_cli.watch import Watch
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
 
@@ -105,34 +105,6 @@ class Learned:
     finished: Flags  # (B,)
 
 
-class Watch:
-    """Progress of learning that other threads may read, and the way to stop it."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._stopped = threading.Event()
-        self._steps = 0
-
-    def add(self, steps: int) -> None:
-        """Counts steps that were learned."""
-        with self._lock:
-            self._steps += steps
-
-    def stop(self) -> None:
-        """Learning ends soon; tasks that are not finished by then are lost."""
-        self._stopped.set()
-
-    @property
-    def stopped(self) -> bool:
-        """True once somebody has called `stop`."""
-        return self._stopped.is_set()
-
-    @property
-    def steps(self) -> int:
-        """Steps learned so far, in episodes that ended."""
-        return self._steps
-
-
 def learn(
     worlds: Worlds,
     learning: Learning,
@@ -181,7 +153,7 @@ def learn(
         posterior := _posterior(start.hypotheses, learning, records.moments, lanes, shape),
     )
     with worlds if isinstance(worlds, AbstractContextManager) else nullcontext():
-        seconds = _run(advance, arguments, tasks, watch)
+        seconds = _run(advance, arguments, tasks, learning.episodes, watch)
     return Learned(
         q=tasks.q,
         visits=visits,
@@ -199,19 +171,23 @@ def learn(
     )
 
 
-def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, watch: Watch) -> Floats:
+def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, watch: Watch) -> Floats:
     """Calls the loop until the batch is done or the watch stopped; each task's share of the time, (B,)."""
     seconds = np.zeros(len(tasks.q))
     advance(0, *arguments)  # compiles, if need be, outside the time
     blocks = 64
     while not (tasks.finished.all() or watch.stopped):
-        before = tasks.step_count.copy()
+        before, ended, finished = tasks.step_count.copy(), tasks.episode.sum(), tasks.finished.sum()
         began = time.perf_counter()
         advance(blocks, *arguments)
         elapsed = time.perf_counter() - began
         learned = tasks.step_count - before
         seconds += elapsed * learned / max(1, learned.sum())
-        watch.add(int(learned.sum()))
+        watch.add(
+            int(learned.sum()),
+            float(tasks.episode.sum() - ended) / episodes,
+            int(tasks.finished.sum() - finished),
+        )
         blocks = max(1, int(blocks * min(2.0, CALL_SECONDS / max(elapsed, 1e-6))))
     return seconds
 

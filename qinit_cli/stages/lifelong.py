@@ -21,8 +21,8 @@ from qinit_cli.stages.transfer import TargetTasks, learn_targets
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
-    from qinit_cli.kernels.batch import Watch
     from qinit_cli.stages.sources import Rows
+    from qinit_cli.watch import Watch
 
 Lived = Callable[
     [int], "Rows"

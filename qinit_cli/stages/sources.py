@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from qinit_cli.arrays import Floats, Integers, Tasks
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
 Learner = Literal["q-learning", "exact"]
 Role = Literal["source", "target"]

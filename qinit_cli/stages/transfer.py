@@ -14,7 +14,7 @@ from qinit_cli.stages.sources import Rows, sequences, shaped
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers, Tasks
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
 MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
 

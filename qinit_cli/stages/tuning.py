@@ -25,8 +25,8 @@ from qinit_cli.stages.transfer import TargetTasks, learn_targets
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
     from qinit_cli.fitted import Fit
-    from qinit_cli.kernels.batch import Watch
     from qinit_cli.stages.sources import Rows
+    from qinit_cli.watch import Watch
     from qinit_store.reading import Artefact
 
 FOLDS = 5
@@ -81,7 +81,7 @@ class Rehearsal:
         gamma = self.targets.learning.gamma
         for column, method in enumerate(self.candidates):
             initial = method.initial(fit, self.targets.targets(0, _not_here))
-            done, learned = learn_targets(self.targets, initial, ids, watch)
+            done, learned = learn_targets(self.targets, initial, ids, watch.part(1 / len(self.candidates)))
             if len(done) < len(ids):
                 return False
             earned = returns.discounted_returns(learned["steps"], learned["reached"].astype(bool), gamma)

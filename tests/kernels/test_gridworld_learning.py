@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.learning import Learning
+from qinit_cli.watch import Watch
 
 from . import reference
 

@@ -11,13 +11,14 @@ import pytest
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
-from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Records, Start, learn
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.stepping import CUT, GOAL
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import sequences
+from qinit_cli.watch import Watch
 
 from . import reference
 

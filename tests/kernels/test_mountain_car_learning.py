@@ -12,12 +12,13 @@ import pytest
 from gymnasium.envs.classic_control import mountain_car as theirs
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
 from qinit_cli.kernels.reals import load_reals, store_reals
 from qinit_cli.learning import Learning
+from qinit_cli.watch import Watch
 
 from . import reference
 

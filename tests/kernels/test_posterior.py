@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Watch, Weighing, learn
+from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Weighing, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.gridworld_exact import solve
@@ -18,6 +18,7 @@ from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.reals import load_reals, total
 from qinit_cli.learning import Learning
+from qinit_cli.watch import Watch
 
 from . import reference
 

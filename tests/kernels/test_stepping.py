@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds, neighbours
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.stepping import GOAL, LOST
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.learning import Learning
+from qinit_cli.watch import Watch
 
 from . import reference
 

@@ -11,11 +11,11 @@ import pytest
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit
-from qinit_cli.kernels.batch import Watch
 from qinit_cli.methods import METHODS
 from qinit_cli.stages.fit import pair_statistics
 from qinit_cli.stages.lifelong import Known, Lifetime, log_std
 from qinit_cli.stages.transfer import TargetTasks, learn_targets
+from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)
 TARGETS = TargetTasks(FAMILY, replace(FAMILY.target_learning, episodes=60), 3, True, keep_visits=True)

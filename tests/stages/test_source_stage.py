@@ -8,9 +8,9 @@ import pytest
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.kernels.batch import Watch
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import SourceTasks, bin_sizes, learn_sources, relative_error
+from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)
 LEARNING = replace(FAMILY.source_learning, episodes=250)

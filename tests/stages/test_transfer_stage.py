@@ -7,13 +7,14 @@ import numpy as np
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.kernels.batch import Chance, Records, Start, Watch, learn
+from qinit_cli.kernels.batch import Chance, Records, Start, learn
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.methods import Initial
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import sequences
 from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
+from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)
 TARGETS = TargetTasks(FAMILY, replace(FAMILY.target_learning, episodes=80), 5, True)

@@ -11,7 +11,6 @@ import pytest
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
-from qinit_cli.kernels.batch import Watch
 from qinit_cli.methods import METHODS
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.transfer import STAND_INS, TARGETS, TargetTasks, learn_targets
@@ -26,6 +25,7 @@ from qinit_cli.stages.tuning import (
     with_parameters,
     worth,
 )
+from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=5, variance=2)
 LEARNING = replace(FAMILY.target_learning, episodes=40)

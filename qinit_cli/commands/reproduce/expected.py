@@ -103,7 +103,7 @@ def _speed(kind: type[Family]) -> float:
     """Steps a second of one core, from a short trial of the family's own sources; one for all its distributions."""
     import numpy as np
 
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
     trial = sources_plan(Sources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
     ids = np.arange(TRIAL_TASKS)

@@ -9,10 +9,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.groups import Display
-from qinit_cli.commands.messages import PLAIN_INTERVAL, Progress, console
+from qinit_cli.commands.messages import Lines, Progress, clock, console
 
 if TYPE_CHECKING:
-    from qinit_cli.kernels.batch import Watch
+    from qinit_cli.watch import Watch
 
 TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took ...
 WINDOW = 20  # ... of so many things: the first ones wait for the compiler
@@ -27,9 +27,9 @@ class Whole:
         self._at = 0
         self._before = 0.0  # expected seconds of what is done
         self._own = 0.0  # of what is being made
-        self._said = time.monotonic()
+        self._lines = Lines(display)
         self._begun = deque(
-            [(self._said, 0.0)], WINDOW
+            [(time.monotonic(), 0.0)], WINDOW
         )  # when each of the last began, and what was done by then
         self._bar: Any = None
 
@@ -55,7 +55,7 @@ class Whole:
     def show(self, what: str, share: float, rate: str = "") -> None:
         """Shows how far it is, and that `share` of the thing that is being made is done."""
         done = self._before + self._own * min(1.0, share)
-        left = f"{self._left(done):.0f} s left"
+        left = f"{clock(self._left(done))} left"
         if self._bar is not None:
             self._bar.update(
                 self._bar.task_ids[0],
@@ -65,10 +65,9 @@ class Whole:
                 rate=rate,
                 left=left,
             )
-        elif not self._display.quiet and time.monotonic() - self._said >= PLAIN_INTERVAL:
-            self._said = time.monotonic()
+        elif self._lines.due:
             speed = f", {rate}" if rate else ""
-            print(f"{self._at} of {self._count}, {what}{speed}, about {left}", file=sys.stderr, flush=True)
+            self._lines.say(f"{self._at} of {self._count}, {what}{speed}, {left}")
 
     def part(self, display: Display, what: str, done: int, total: int, watch: Watch) -> Progress:
         """The tasks of one artefact, as `make` counts them."""
@@ -90,9 +89,7 @@ class _Part(Progress):
 
     def tick(self) -> None:
         """Shows where things stand."""
-        missing = self._total - self._before
-        share = (self._done - self._before) / missing if missing else 1.0
-        self._whole.show(self._what, share, self._rate())
+        self._whole.show(self._what, self.share, self._rate())
 
 
 def _bar(display: Display, expected: float) -> Any:
