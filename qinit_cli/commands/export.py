@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Literal, cast, get_args
@@ -20,6 +18,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import check, option
 from qinit_cli.nearest import nearest
+from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:
     from qinit_cli.stages.long_tables import Field
@@ -54,7 +53,7 @@ class Exporting:
         metavar="FILE",
         default_text="stdout in a pipe",
     )
-    force: bool = option(False, "Replace a file of that name.")
+    force: bool = option(False, "Replace a file of that name with other content.")
 
     def __post_init__(self) -> None:
         check(self)
@@ -110,11 +109,22 @@ def export(artefacts: list[str], exporting: Exporting, reading: Reading, display
     if destination is None:
         _write_text(sys.stdout, paths, format, table, fields)
         return
-    beside = destination.with_name(f"{destination.name}.json") if format == "csv" else None
-    for path in (destination, beside):
-        if path is not None and os.path.lexists(path) and not exporting.force:
-            raise NotAllowed(f"{path} is there already; --force replaces it, or choose another name with -o")
-    with _appearing(destination, exporting.force) as file:
+    file = OutputFile(destination, exporting.force)
+    file.check()
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    if format == "csv":
+        _write_with_about(file, paths, str(table), fields, display)
+    else:
+        _write(file, paths, format, table, fields)
+    typer.echo(destination)
+
+
+def _write(
+    destination: OutputFile, paths: list[Path], format: Format, table: str | None, fields: list[Field]
+) -> None:
+    from qinit_cli.commands import export_formats
+
+    with destination.writing() as file:
         match format:
             case "parquet":
                 export_formats.write_parquet(file, _opened(paths), str(table), fields)
@@ -124,12 +134,20 @@ def export(artefacts: list[str], exporting: Exporting, reading: Reading, display
                 text = io.TextIOWrapper(file, encoding="utf-8", newline="")
                 _write_text(text, paths, format, table, fields)
                 text.detach()
-    if beside is not None:
-        with _appearing(beside, exporting.force) as file:
-            said = export_formats.about(_opened(paths), table, fields)
-            file.write(json.dumps(said, allow_nan=False, indent=1).encode() + b"\n")
-        note(display, f"{beside} says which artefacts it comes from, and what its columns mean")
-    typer.echo(destination)
+
+
+def _write_with_about(
+    destination: OutputFile, paths: list[Path], table: str, fields: list[Field], display: Display
+) -> None:
+    """The table, and beside it what it cannot say of itself."""
+    from qinit_cli.commands import export_formats
+
+    beside = OutputFile(destination.path.with_name(f"{destination.path.name}.json"), destination.force)
+    said = json.dumps(export_formats.about(_opened(paths), table, fields), allow_nan=False, indent=1)
+    beside.check_content(content := said.encode() + b"\n")
+    _write(destination, paths, "csv", table, fields)
+    beside.write(content)
+    note(display, f"{beside.path} says which artefacts it comes from, and what its columns mean")
 
 
 def _write_text(
@@ -200,21 +218,3 @@ def _check_named_apart(names: list[str]) -> None:
         raise NotAllowed(
             f"two artefacts are named {twice[0]}, and nothing else would tell them apart; export one by one"
         )
-
-
-@contextmanager
-def _appearing(path: Path, replace: bool) -> Iterator[IO[bytes]]:
-    """A file that gets its name once it is whole; without `replace` never in place of another."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(beside, "xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        if not replace and os.path.lexists(path):
-            raise NotAllowed(f"{path} appeared meanwhile; --force replaces it")
-        os.replace(beside, path)
-    finally:
-        with suppress(FileNotFoundError):
-            beside.unlink()

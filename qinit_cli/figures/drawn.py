@@ -9,9 +9,37 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.figures.style import house_style
+from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+MAKER = {"png": "Software", "svg": "Creator", "pdf": "Creator"}  # where each form says what made it
+MARKS = {
+    "png": "Software\0{}",
+    "svg": "<dc:title>{}</dc:title>",
+    "pdf": "/Creator ({})",
+}  # ... as it stands in the file
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """Where a picture goes, and the command that draws it: what the same command drew may be replaced."""
+
+    path: Path
+    maker: str = "qinit"
+    force: bool = False
+
+    @property
+    def kind(self) -> str:
+        """png, svg or pdf."""
+        return self.path.suffix.lstrip(".").lower()
+
+    @property
+    def output(self) -> OutputFile:
+        """The file as it is written."""
+        return OutputFile(self.path, self.force, self.maker, MARKS[self.kind].format(self.maker).encode())
 
 
 @dataclass(frozen=True)
@@ -23,20 +51,18 @@ class Drawn:
     alt: str
     notes: tuple[str, ...] = ()  # what is not in the picture, and why
 
-    def save(self, path: Path) -> None:
-        """Writes it whole or not at all, in place of what was there; the folder is made. The same figure gives the same bytes."""
-        image = self._image(path.suffix.lstrip(".").lower())
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(f".{path.name}.part")
-        beside.write_bytes(image)
-        beside.replace(path)
+    def save(self, file: PictureFile) -> None:
+        """Writes it whole or not at all; the folder is made. The same figure gives the same bytes."""
+        image = self._image(file.kind, {MAKER[file.kind]: file.maker})
+        file.path.parent.mkdir(parents=True, exist_ok=True)
+        file.output.write(image)
 
     def svg(self) -> str:
         """The picture as an SVG element to stand in a page, title and description in it."""
         text = self._image("svg").decode()
         return text[text.index("<svg") :]
 
-    def _image(self, kind: str) -> bytes:
+    def _image(self, kind: str, further: dict[str, str] | None = None) -> bytes:
         said: dict[str, dict[str, Any]] = {
             "png": {"Software": None, "Title": self.title, "Description": self.alt},
             "svg": {"Date": None, "Title": self.title, "Description": self.alt},
@@ -44,7 +70,7 @@ class Drawn:
         }
         image = io.BytesIO()
         with house_style():
-            self.figure.savefig(image, format=kind, metadata=said[kind])
+            self.figure.savefig(image, format=kind, metadata={**said[kind], **(further or {})})
         return _described(image.getvalue(), self.alt) if kind == "svg" else image.getvalue()
 
 

@@ -13,7 +13,7 @@ from qinit_cli.analysis.intervals import Interval
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.bars import Bars, bars
 from qinit_cli.figures.curves import Curve, Panel, curves
-from qinit_cli.figures.drawn import Drawn
+from qinit_cli.figures.drawn import Drawn, PictureFile
 from qinit_cli.figures.heatmaps import Layer, Side, heatmaps
 from qinit_cli.figures.style import FORMATS, checked_path, house_style, line_styles
 
@@ -134,7 +134,7 @@ def test_neighbouring_lines_differ_in_dashes_so_that_grey_tells_them_apart() -> 
 def test_the_same_figure_gives_the_same_bytes(kind: str, tmp_path: Any) -> None:
     for name in ("one", "two"):
         with house_style():
-            Drawn(_curves(), "Curves", "Two curves.").save(tmp_path / f"{name}.{kind}")
+            Drawn(_curves(), "Curves", "Two curves.").save(PictureFile(tmp_path / f"{name}.{kind}"))
     one, two = ((tmp_path / f"{name}.{kind}").read_bytes() for name in ("one", "two"))
     assert one == two
     assert one.startswith({"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind])
@@ -143,10 +143,10 @@ def test_the_same_figure_gives_the_same_bytes(kind: str, tmp_path: Any) -> None:
 
 def test_a_users_own_settings_do_not_change_a_picture_and_are_given_back(tmp_path: Any) -> None:
     with house_style():
-        Drawn(_curves(), "Curves", "Two curves.").save(tmp_path / "one.svg")
+        Drawn(_curves(), "Curves", "Two curves.").save(PictureFile(tmp_path / "one.svg"))
     with matplotlib.rc_context({"lines.linewidth": 9, "font.size": 30}):
         with house_style():
-            Drawn(_curves(), "Curves", "Two curves.").save(tmp_path / "two.svg")
+            Drawn(_curves(), "Curves", "Two curves.").save(PictureFile(tmp_path / "two.svg"))
         assert matplotlib.rcParams["font.size"] == 30
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
 

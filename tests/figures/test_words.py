@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from qinit_cli.figures.drawn import Drawn
+from qinit_cli.figures.drawn import Drawn, PictureFile
 from qinit_cli.figures.style import house_style
 from qinit_cli.pictures import bars, curves, eopl, heatmaps, histograms, normality, occupancy
 from qinit_cli.runs import Run
@@ -45,7 +45,7 @@ def test_png_svg_and_pdf_carry_title_and_words(tmp_path: Path) -> None:
     words = "η < 0.5 & W ≤ 1, 95 %"
     picture = Drawn(_figure(), "A title", words)
     for kind in ("png", "svg", "pdf"):
-        picture.save(tmp_path / f"picture.{kind}")
+        picture.save(PictureFile(tmp_path / f"picture.{kind}"))
     with Image.open(tmp_path / "picture.png") as png:
         assert (png.info["Title"], png.info["Description"]) == ("A title", words)
     root = ElementTree.parse(tmp_path / "picture.svg").getroot()

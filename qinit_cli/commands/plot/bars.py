@@ -54,7 +54,7 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
     from qinit_cli.commands.compare import read_runs
     from qinit_cli.pictures import bars as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     found = read_runs(runs, reading.store)
     drawn = pictures.drawn(
         found,
@@ -64,4 +64,4 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
         title=picture.title,
         width=USUAL.inches(picture),
     )
-    publish(drawn, path, display)
+    publish(drawn, file, display)

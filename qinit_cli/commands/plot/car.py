@@ -29,6 +29,6 @@ def car(sources: str, picture: Picture, reading: Reading, display: Display) -> N
     from qinit_cli.commands import references
     from qinit_cli.pictures import car as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     named = references.one(sources, reading.store)
-    publish(pictures.drawn(named, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(named, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -54,7 +54,7 @@ def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading
     from qinit_cli.commands.compare import read_runs
     from qinit_cli.pictures import curves as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     found = read_runs(runs, reading.store)
     drawn = pictures.drawn(
         found,
@@ -64,4 +64,4 @@ def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading
         title=picture.title,
         width=USUAL.inches(picture),
     )
-    publish(drawn, path, display)
+    publish(drawn, file, display)

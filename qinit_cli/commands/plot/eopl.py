@@ -31,6 +31,6 @@ def eopl(sources: list[str], picture: Picture, reading: Reading, display: Displa
     from qinit_cli.commands import references
     from qinit_cli.pictures import eopl as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     paths = references.many(sources, reading.store)
-    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -74,7 +74,7 @@ def heatmaps(
     from qinit_cli.commands import references
     from qinit_cli.pictures import heatmaps as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     drawn = pictures.drawn(
         references.many(artefacts, reading.store),
         mapping.method,
@@ -84,4 +84,4 @@ def heatmaps(
         title=picture.title,
         width=USUAL.inches(picture),
     )
-    publish(drawn, path, display)
+    publish(drawn, file, display)

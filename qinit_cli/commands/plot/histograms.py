@@ -47,7 +47,7 @@ def histograms(sources: str, picture: Picture, binning: Binning, reading: Readin
     from qinit_cli.commands import references
     from qinit_cli.pictures import histograms as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     named = references.one(sources, reading.store)
     drawn = pictures.drawn(named, binning.state, title=picture.title, width=USUAL.inches(picture))
-    publish(drawn, path, display)
+    publish(drawn, file, display)

@@ -38,6 +38,6 @@ def lifetime(runs: list[str], picture: Picture, reading: Reading, display: Displ
     from qinit_cli.pictures import lifetime as pictures
     from qinit_store.catalog import Store
 
-    path, store = USUAL.path(picture), Store(Path(reading.store))
+    file, store = USUAL.file(picture), Store(Path(reading.store))
     paths = references.many(runs, reading.store)
-    publish(pictures.drawn(paths, store, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(paths, store, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -45,7 +45,7 @@ def normality(fit: str, picture: Picture, maps: Maps, reading: Reading, display:
     from qinit_cli.commands import references
     from qinit_cli.pictures import normality as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     named = references.one(fit, reading.store)
     drawn = pictures.drawn(named, maps.of, maps.action, title=picture.title, width=USUAL.inches(picture))
-    publish(drawn, path, display)
+    publish(drawn, file, display)

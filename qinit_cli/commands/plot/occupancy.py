@@ -31,6 +31,6 @@ def occupancy(sources: list[str], picture: Picture, reading: Reading, display: D
     from qinit_cli.commands import references
     from qinit_cli.pictures import occupancy as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     paths = references.many(sources, reading.store)
-    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
@@ -14,7 +13,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
-    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.figures.drawn import Drawn, PictureFile
 
 Width = Literal["column", "text"]
 
@@ -24,10 +23,14 @@ class Picture:
     """Where the picture goes; None: as this picture has it."""
 
     output: str | None = option(
-        None, "The picture: .png, .svg or .pdf; one that is there is drawn anew.", short="-o", metavar="FILE"
+        None,
+        "The picture: .png, .svg or .pdf; one of the same command is drawn anew.",
+        short="-o",
+        metavar="FILE",
     )
     title: str | None = option(None, "Title above the picture; '' for none.")
     width: Width | None = option(None, "As wide as a paper's column, 3.5 inches, or as its text, 7 inches.")
+    force: bool = option(False, "Replace a file of that name that another command made.")
 
     def __post_init__(self) -> None:
         check(self)
@@ -47,11 +50,15 @@ class Usual:
         texts = {"output": f"{self.name}.png", "title": self.title, "width": self.width}
         return Group(Picture, "Picture", texts)
 
-    def path(self, picture: Picture) -> Path:
-        """Where it goes; UsageError where that names no picture."""
+    def file(self, picture: Picture) -> PictureFile:
+        """Where it goes; UsageError where that names no picture, NotAllowed where another command's file stands."""
+        from qinit_cli.figures.drawn import PictureFile
         from qinit_cli.figures.style import checked_path
 
-        return checked_path(picture.output or f"{self.name}.png")
+        path = checked_path(picture.output or f"{self.name}.png")
+        file = PictureFile(path, f"qinit plot {self.name}", picture.force)
+        file.output.check()
+        return file
 
     def inches(self, picture: Picture) -> float:
         """How wide it is."""
@@ -60,9 +67,9 @@ class Usual:
         return COLUMN if (picture.width or self.width) == "column" else TEXT
 
 
-def publish(drawn: Drawn, path: Path, display: Display) -> None:
+def publish(drawn: Drawn, file: PictureFile, display: Display) -> None:
     """Saves the picture and prints its path; what is not in it is noted."""
     for said in drawn.notes:
         note(display, said)
-    drawn.save(path)
-    typer.echo(path)
+    drawn.save(file)
+    typer.echo(file.path)

@@ -31,6 +31,6 @@ def posterior(runs: list[str], picture: Picture, reading: Reading, display: Disp
     from qinit_cli.commands import references
     from qinit_cli.pictures import posterior as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     paths = references.many(runs, reading.store)
-    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -31,6 +31,6 @@ def tuning(tuning: str, picture: Picture, reading: Reading, display: Display) ->
     from qinit_cli.commands import references
     from qinit_cli.pictures import tuning as pictures
 
-    path = USUAL.path(picture)
+    file = USUAL.file(picture)
     found = references.one(tuning, reading.store)
-    publish(pictures.drawn(found, title=picture.title, width=USUAL.inches(picture)), path, display)
+    publish(pictures.drawn(found, title=picture.title, width=USUAL.inches(picture)), file, display)

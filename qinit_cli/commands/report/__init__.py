@@ -13,6 +13,7 @@ from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
+from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:
     from qinit_cli.report.document import Material
@@ -70,15 +71,19 @@ def add_to(app: typer.Typer) -> None:
 def report(artefacts: list[str], reporting: Reporting, reading: Reading, display: Display) -> None:
     """Writes the page and prints its path."""
     from qinit_cli import __version__
-    from qinit_cli.commands.report import writing
     from qinit_cli.report.document import page
-    from qinit_cli.report.page import html
+    from qinit_cli.report.page import GENERATOR, MARK, html
 
-    writing.check(reporting.path, reporting.force)
-    material = _material(artefacts, reporting, reading.store)
-    written = writing.write(reporting.path, html(page(material, f"qinit {__version__}")), reporting.force)
-    note(display, written)
-    typer.echo(reporting.path)
+    file = OutputFile(reporting.path, reporting.force, GENERATOR, MARK.encode())
+    file.check()
+    content = html(page(_material(artefacts, reporting, reading.store), f"qinit {__version__}")).encode()
+    size = f"{len(content) / 1e6:.1f} MB"
+    if file.holds(content):
+        note(display, f"{file.path} is up to date, {size}")
+    else:
+        file.write(content)
+        note(display, f"{size}, to be opened in any browser")
+    typer.echo(file.path)
 
 
 def _material(references: list[str], reporting: Reporting, store: str) -> Material:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.reproduce.manifest import MANIFEST, SCHEMA, entries_of
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.output_file import OutputFile
+
+if TYPE_CHECKING:
+    from qinit_cli.figures.drawn import PictureFile
 
 
 @dataclass
@@ -24,12 +27,16 @@ class Folder:
         """Makes room: what is replaced is removed."""
         _remove(self.path, self.replaced)
 
+    def picture(self, name: str) -> PictureFile:
+        """Where the picture of this name goes."""
+        from qinit_cli.figures.drawn import PictureFile
+
+        return PictureFile(self.path / name, "qinit reproduce", force=True)
+
     def write(self, name: str, content: str) -> None:
         """Brings a text under this name, whole or not at all; the folder is made."""
         self.path.mkdir(parents=True, exist_ok=True)
-        beside = self.path / f".{name}.part"
-        beside.write_text(content, encoding="utf-8")
-        os.replace(beside, self.path / name)
+        OutputFile(self.path / name, force=True).write(content.encode())
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:
         """The same for one JSON object; NaN is refused."""

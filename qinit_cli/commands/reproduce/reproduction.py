@@ -199,7 +199,7 @@ class Reproduction:
             note(self.display, f"{shown.name}: {said}")
         png = f"{shown.name}.png"
         for file in (file_of(shown), png):
-            drawn.save(folder.path / file)
+            drawn.save(folder.picture(file))
         return {"png": png, "caption": shown.caption, "alt": drawn.alt}
 
     @contextmanager

@@ -1,0 +1,108 @@
+"""The one way to write a file that is no artefact: whole under its name or not at all, and never in place of another's.
+
+What stands there is replaced only by the command that made it, or with --force. A link is replaced, never followed; a device,
+a pipe, a socket or a folder is never replaced.
+"""
+
+from __future__ import annotations
+
+import filecmp
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from qinit_cli.errors import NotAllowed
+from qinit_store.errors import SystemFailed
+
+NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+PROCESSES = Path("/proc")  # whose links, such as /dev/stdout, lead to what a process has open
+
+
+@dataclass(frozen=True)
+class OutputFile:
+    """Where a command writes, and what it may replace there."""
+
+    path: Path
+    force: bool  # replaces any regular file
+    maker: str = ""  # the command, in words
+    mark: bytes = (
+        b""  # in every file that it makes; none in forms without room for it: then only the same is replaced
+    )
+
+    def check(self) -> None:
+        """NotAllowed where what stands there is not to be replaced, as far as that is known before anything is made."""
+        if not os.path.lexists(self.path):
+            return
+        if (self.path.exists() and not self.path.is_file()) or _leads_to_a_process(self.path):
+            raise NotAllowed(
+                f"{self.path} is no regular file, and is never replaced; choose another name with -o"
+            )
+        if self.mark and not self.force and self.mark not in self._there():
+            raise NotAllowed(f"{self.path} was not made by {self.maker}; {_REMEDY}")
+
+    def check_content(self, content: bytes) -> None:
+        """NotAllowed where this content is not to take the place of what stands there."""
+        self.check()
+        if os.path.lexists(self.path) and not (self.force or self.mark or content == self._there()):
+            raise NotAllowed(f"{self.path} is there already, with other content; {_REMEDY}")
+
+    @contextmanager
+    def writing(self) -> Iterator[IO[bytes]]:
+        """A file that gets the name once it is whole; nothing of it is left after an error or a signal.
+
+        NotAllowed as `check` says it, SystemFailed where the system refuses.
+        """
+        self.check()
+        beside = self.path.with_name(f".{secrets.token_hex(8)}.part")
+        try:
+            with os.fdopen(os.open(beside, NEW, 0o666), "wb") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            self._check_written(beside)  # another may have appeared meanwhile
+            os.replace(beside, self.path)
+        except OSError as error:
+            raise SystemFailed(f"{self.path} cannot be written: {error.strerror or error}") from error
+        finally:
+            beside.unlink(missing_ok=True)
+
+    def write(self, content: bytes) -> None:
+        """Writes the whole content."""
+        with self.writing() as file:
+            file.write(content)
+
+    def holds(self, content: bytes) -> bool:
+        """True if a file of ours stands there that has this content already."""
+        return self.path.is_file() and not self.path.is_symlink() and self._there() == content
+
+    def _check_written(self, beside: Path) -> None:
+        self.check()
+        if self.force or self.mark or not os.path.lexists(self.path):
+            return
+        if not (self.path.is_file() and filecmp.cmp(beside, self.path, shallow=False)):
+            raise NotAllowed(f"{self.path} is there already, with other content; {_REMEDY}")
+
+    def _there(self) -> bytes:
+        """What stands there, empty where it cannot be read: then it is not ours."""
+        try:
+            return self.path.read_bytes()
+        except (FileNotFoundError, PermissionError):
+            return b""
+
+
+_REMEDY = "--force replaces it, or choose another name with -o"
+
+
+def _leads_to_a_process(path: Path) -> bool:
+    """True where the path, or a link that stands there, leads through /proc."""
+    while True:
+        parent = path.parent.resolve()
+        if parent.is_relative_to(PROCESSES):
+            return True
+        if not path.is_symlink():
+            return False
+        path = parent / path.readlink()
