@@ -63,8 +63,8 @@ def option(
 
 
 def flag(name: str) -> str:
-    """How a field is spelled on the command line: `p_low` is `--p-low`."""
-    return "--" + name.replace("_", "-")
+    """How a field is spelled on the command line: `p_low` is `--p-low`, and `import_` is `--import`."""
+    return "--" + name.rstrip("_").replace("_", "-")
 
 
 def help_of(option: dataclasses.Field[Any]) -> str:

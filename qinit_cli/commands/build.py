@@ -25,6 +25,7 @@ OF_ONE_CALL = {
     "output",
     "force",
     "dry_run",
+    "import_",
     "json",
     "shard",
     "to",
@@ -123,13 +124,19 @@ def add_command(
     help: str,
     panel: str | None = None,
     in_context: bool = False,
+    imports: Group | None = None,
 ) -> None:
     """Adds to `app` the command `name`, which calls `run` with one instance per group and the references as they were typed.
 
-    `panel` is the group of commands it stands in; with `in_context` it also receives typer's context.
+    `panel` is the group of commands it stands in; with `in_context` it also receives typer's context; with
+    `imports` (groups.IMPORTS) the modules that are named are imported first.
     """
 
     def command(**values: Any) -> None:
+        if imports is not None:
+            from qinit_cli.environments.modules import import_named
+
+            import_named(imports.instance(values).import_ or ())
         typed = {reference.name: values[reference.name] for reference in references}
         if in_context:
             typed["context"] = values["context"]
@@ -139,7 +146,7 @@ def add_command(
     if in_context:
         keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
         parameters.insert(0, inspect.Parameter("context", keyword, annotation=typer.Context))
-    for group in groups.values():
+    for group in [*groups.values(), *([imports] if imports else [])]:
         parameters += group.parameters
     parameters.append(
         inspect.Parameter("help_all", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=HelpAll)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, ONE_PASS, OUTPUT, Display, OnePass, Output
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, ONE_PASS, OUTPUT, Display, OnePass, Output
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qinit_cli.environments import Family
     from qinit_cli.stages.fit import Selection
     from qinit_store.reading import Artefact
-    from qinit_store.schema import Schema
+    from qinit_store.schema import Axis, Schema
 
 FEWEST_SOURCES = 2  # a spread needs two
 
@@ -34,6 +34,7 @@ def add_to(app: typer.Typer) -> None:
         "fit",
         fit,
         {"fitting": Group(FitOptions, "Fit"), "output": OUTPUT, "one_pass": ONE_PASS, "display": DISPLAY},
+        imports=IMPORTS,
         references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
         help="Fit the sources' values per state-action: moments, log-normal parameters, a library; prints the path.",
     )
@@ -145,7 +146,7 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
         family,
         f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
         _spec(source, fitting),
-        _schema(family, fitting, stage.library_size(selection, fitting)),
+        _schema(source, fitting, stage.library_size(selection, fitting)),
         selection,
         held,
     )
@@ -160,15 +161,21 @@ def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
     return spec | {"initialisations": list(initialisations())} if fitting.holdout else spec
 
 
-def _schema(family: Family, fitting: FitOptions, library: int) -> Schema:
-    from qinit_cli.commands.train_sources import action_axis
+def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
+    """By the sources' own axes: looking at somebody's environment again would take its module."""
     from qinit_cli.stages.fit_statistics import contents
     from qinit_store.fit_statistics import fit_statistics
     from qinit_store.schema import fit_schema
 
-    action = action_axis(family)
-    state_action = (*(axis.name for axis in family.axes()), action.name)
-    return fit_schema(family.axes(), action, library, *fit_statistics(contents(fitting), state_action))
+    *states, action = _axes(source)
+    state_action = (*(axis.name for axis in states), action.name)
+    return fit_schema(tuple(states), action, library, *fit_statistics(contents(fitting), state_action))
+
+
+def _axes(source: Artefact) -> list[Axis]:
+    """The state axes of the sources' tables, and that of the actions."""
+    [q] = [column for column in source.schema.columns if column.name == "q"]
+    return [source.axes[name] for name in q.dims[1:]]
 
 
 def _arrays(
@@ -186,7 +193,8 @@ def _arrays(
     arrays = stage.fit(sample.reading(blocks), selection, fitting)
     arrays |= fit_statistics.statistics(sample.columns, origin, fitting)
     if held.any():
-        fitted = Fit.from_arrays(arrays, math.prod(family.shape), fitting.estimator)
+        *states, _ = _axes(source)
+        fitted = Fit.from_arrays(arrays, math.prod(len(axis.values) for axis in states), fitting.estimator)
         first = int(held.argmax())
         arrays |= fit_statistics.held_out_errors(_rows(source, first), held[first:], fitted, origin)
     return arrays

@@ -133,6 +133,18 @@ class Tabular:
 
 
 @dataclass(frozen=True)
+class Imports:
+    """Which modules of somebody's environments are imported: those that are typed, and no others."""
+
+    import_: list[str] | None = option(
+        None,
+        "Import a module that registers environments; may be given several times.",
+        metavar="MODULE",
+        default_text="none",
+    )
+
+
+@dataclass(frozen=True)
 class Display:
     """What is said on the way."""
 
@@ -149,4 +161,5 @@ WORK = Group(Work, "Machine")
 ONE_PASS = Group(OnePass, "Machine")
 READING = Group(Reading, "Artefacts")
 TABULAR = Group(Tabular, "Table")
+IMPORTS = Group(Imports, "Environment")
 DISPLAY = Group(Display, "Messages")

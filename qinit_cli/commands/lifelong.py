@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.transfer import (
     LearningTargets,
@@ -80,6 +80,7 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
             "work": WORK,
             "display": DISPLAY,
         },
+        imports=IMPORTS,
         references=(
             Reference(
                 "known", "A fit, or sources to fit first: a path, a name in the store, or - for stdin."

@@ -238,8 +238,9 @@ def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
     """Who learns: the cluster that was named, else threads of this process."""
     if work.dask is not None:
         from qinit_cli import cluster
+        from qinit_cli.environments.modules import travelling
 
-        return cluster.crew(work.dask, plan.learn, watch, plan.schema.task_bytes)
+        return cluster.crew(work.dask, travelling(plan.learn), watch, plan.schema.task_bytes)
     from qinit_cli.workforce import threads_here
 
     return threads_here(work.threads, plan.learn, watch)

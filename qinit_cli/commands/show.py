@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import console, note
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def add_to(app: typer.Typer) -> None:
         "show",
         show,
         {"tabular": TABULAR, "reading": READING, "display": DISPLAY},
+        imports=IMPORTS,
         references=(Reference("artefact", "A path, a name in the store, or - for stdin."),),
         help="Show an artefact: settings, origin, numbers, datasets, and a picture of it for people.",
     )

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from qinit_cli.commands.build import Group, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, flag, option
 from qinit_cli.learning import Learning
@@ -80,6 +81,7 @@ def _add(families: typer.Typer, name: str, family: type[Family]) -> None:
             "work": WORK,
             "display": DISPLAY,
         },
+        imports=IMPORTS if issubclass(family, Gym) else None,
         help=family.__doc__ or "",
     )
 
@@ -97,6 +99,8 @@ def train_sources(
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result
 
+    if isinstance(family, Gym):
+        family = family.imported()
     tasks = tasks_of(family, sources)
     if family.warning:
         note(display, f"warning: {family.warning}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, OUTPUT, WORK, Display, Output, Work
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, OUTPUT, WORK, Display, Output, Work
 from qinit_cli.commands.messages import note
 from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.errors import NotAllowed, UsageError
@@ -145,6 +145,7 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
             "work": WORK,
             "display": DISPLAY,
         },
+        imports=IMPORTS,
         references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
         help=method.__doc__ or "",
     )

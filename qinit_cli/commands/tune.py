@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Output, Tabular, Work, store_option
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, TABULAR, Display, Output, Tabular, Work, store_option
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fields import check, flag, help_of, numbers, option, options, tunable
@@ -85,6 +85,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
             "tabular": TABULAR,
             "display": DISPLAY,
         },
+        imports=IMPORTS,
         references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
         help=method.__doc__ or "",
     )

@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
@@ -19,6 +19,7 @@ from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, i
 from qinit_cli.environments.gym_making import Settings, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, Table, named, table, verdict
+from qinit_cli.environments.modules import with_module
 from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
@@ -42,11 +43,14 @@ class Gym(TableFamily):
     """A Gymnasium environment, some of whose constructor arguments or attributes change from task to task."""
 
     env_id: str = option(
-        "", "The environment's id, such as FrozenLake-v1.", metavar="ENV_ID", positional=True
+        "",
+        "The environment's id, such as FrozenLake-v1; MODULE:ID for one that a module of your own registers.",
+        metavar="ENV_ID",
+        positional=True,
     )
     vary: list[str] | None = option(
         None,
-        "What changes from task to task, a constructor argument or a number of the unwrapped environment: "
+        "What changes from task to task, a constructor argument or a number of the environment or its class: "
         "normal:MEAN,STD, uniform:LOW,HIGH, or map:SIZE,FROZEN for a FrozenLake's desc; may be given several times.",
         metavar="NAME=KIND:A,B",
         default_text="nothing: all tasks are one",
@@ -102,6 +106,10 @@ class Gym(TableFamily):
         names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"{twice[0]} is varied or set twice")
+
+    def imported(self) -> Self:
+        """The family, the module that its id names imported: for whoever typed that id; UsageError where it cannot be."""
+        return replace(self, env_id=with_module(self.env_id))
 
     @property
     def label(self) -> str:
@@ -311,10 +319,12 @@ class Gym(TableFamily):
         return visits
 
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
-        """Whether a task can be solved at all, (B,); without a table nobody knows, and all are taken to be."""
+        """Whether a task can be solved at all, (B,); without a table that is unknown, and all are taken to be."""
         import numpy as np
 
-        return super().solvable(tasks, solved, horizon) if self.tabular else np.ones(len(tasks), np.bool_)
+        if solved.all() or not self.tabular:  # what was solved needs no environment to be looked at
+            return np.ones(len(tasks), np.bool_)
+        return super().solvable(tasks, solved, horizon)
 
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""

@@ -84,7 +84,7 @@ def made(env_id: str, settings: Settings) -> Any:
         except UsageError:
             raise
         except gymnasium.error.UnregisteredEnv as error:
-            hint = "" if ":" in env_id else f"; if a module of yours registers it, write MODULE:{env_id}"
+            hint = "" if ":" in env_id else f" (one of your own is named as MODULE:{env_id})"
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}{hint}") from error
         except gymnasium.error.Error as error:
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}") from error

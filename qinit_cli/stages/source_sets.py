@@ -12,8 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.runs import Run
 
+VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
 READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median reads them
 
 
@@ -59,9 +61,30 @@ class Group:
 
 
 def grouped(runs: Sequence[Run]) -> list[Group]:
-    """The groups, in order of appearance; a run that is named twice counts once."""
+    """The groups, in order of appearance; a run that is named twice counts once.
+
+    NotAllowed where runs of the same targets have other exact values of them: those were not the same targets.
+    """
     once = list({run.name: run for run in runs}.values())
+    for met in _by(once, lambda run: run.target_digest):
+        _expect_equal_values(met)
     return [group for same in _by(once, _distribution) for group in _groups(same)]
+
+
+def _expect_equal_values(runs: list[Run]) -> None:
+    import numpy as np
+
+    known = [(run.name, run.v_star) for run in runs if run.v_star is not None]
+    for name, values in known[1:]:
+        first, expected = known[0]
+        apart = ~np.isclose(values, expected, rtol=0, atol=VALUE_TOLERANCE)
+        if apart.any():
+            place = int(apart.argmax())
+            raise NotAllowed(
+                f"{first} and {name} met the same targets by their settings, but the best value of target {place} is "
+                f"{expected[place]:.6g} in one and {values[place]:.6g} in the other: their environments were not the "
+                "same, by their version or by chance that no seed reaches; transfer both again"
+            )
 
 
 def _groups(runs: list[Run]) -> list[Group]:

@@ -8,7 +8,7 @@ from typing import Literal
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 from qinit_cli.fields import check, option
 
@@ -60,6 +60,7 @@ def add_to(plots: typer.Typer) -> None:
         "heatmaps",
         heatmaps,
         {"picture": USUAL.group, "mapping": Group(Mapping, "Panels"), "reading": READING, "display": DISPLAY},
+        imports=IMPORTS,
         references=(
             Reference("artefacts", "Fits and runs: paths, names in the store, or - for stdin.", several=True),
         ),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 from qinit_cli.fields import check, option
 
@@ -36,6 +36,7 @@ def add_to(plots: typer.Typer) -> None:
         "histograms",
         histograms,
         {"picture": USUAL.group, "binning": Group(Binning, "States"), "reading": READING, "display": DISPLAY},
+        imports=IMPORTS,
         references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
         help="Histograms of Q and ln Q over source tasks at some states, with the fitted log-normal and its quantiles; "
         "of the action whose mean over the tasks is largest.",

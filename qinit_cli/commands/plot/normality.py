@@ -8,7 +8,7 @@ from typing import Literal
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 from qinit_cli.fields import check, option
 
@@ -35,6 +35,7 @@ def add_to(plots: typer.Typer) -> None:
         "normality",
         normality,
         {"picture": USUAL.group, "maps": Group(Maps, "Maps"), "reading": READING, "display": DISPLAY},
+        imports=IMPORTS,
         references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
         help="Maps of a fit's test of normality over the states: its statistic (W) and its raw p.",
     )

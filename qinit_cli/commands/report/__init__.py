@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
 from qinit_cli.commands.messages import note
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
@@ -57,6 +57,7 @@ def add_to(app: typer.Typer) -> None:
         "report",
         report,
         {"reporting": Group(Reporting, "Page"), "reading": READING, "display": DISPLAY},
+        imports=IMPORTS,
         references=(
             Reference(
                 "artefacts",
