@@ -25,15 +25,27 @@ KINDS = {
 
 def arguments(kind: Callable[..., Any]) -> dict[str, inspect.Parameter]:
     """A constructor's arguments; of one that hands others on, also those of the classes it is made from."""
-    classes = kind.__mro__ if isinstance(kind, type) else (kind,)
     found: dict[str, inspect.Parameter] = {}
-    for each in classes:
-        if isinstance(each, type) and "__init__" not in vars(each):
-            continue
-        parameters = inspect.signature(each).parameters.values()
+    for parameters in _signatures(kind):
         named = [one for one in parameters if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
         found = {one.name: one for one in named} | found
-        if not any(one.kind is one.VAR_KEYWORD for one in parameters):
+    return found
+
+
+def takes_others(kind: Callable[..., Any]) -> bool:
+    """Whether a constructor takes arguments of any name."""
+    return any(one.kind is one.VAR_KEYWORD for one in _signatures(kind)[-1])
+
+
+def _signatures(kind: Callable[..., Any]) -> list[list[inspect.Parameter]]:
+    """The parameters of a constructor and, while each hands others on, of those of the classes it is made from."""
+    classes = (
+        [each for each in kind.__mro__ if "__init__" in vars(each)] if isinstance(kind, type) else [kind]
+    )
+    found: list[list[inspect.Parameter]] = []
+    for each in classes:
+        found.append(list(inspect.signature(each).parameters.values()))
+        if not any(one.kind is one.VAR_KEYWORD for one in found[-1]):
             break
     return found
 

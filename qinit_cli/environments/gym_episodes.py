@@ -13,7 +13,7 @@ from qinit_cli.environments.gym_making import Settings, close, has_table, opened
 from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
 
-TRIED_STEPS = 200  # of the episodes that are played twice: some milliseconds of a task
+TRIED_STEPS = 100  # of the episodes that are played twice: some milliseconds of a task
 KEPT = 65_536  # tasks of which it is remembered that they can be played again
 
 

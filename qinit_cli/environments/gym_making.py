@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from qinit_cli.environments.foreign import aside, calling, told
-from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind
+from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind, takes_others
 from qinit_cli.environments.modules import registered_id
 from qinit_cli.errors import UsageError
 
@@ -74,13 +74,7 @@ def made(env_id: str, settings: Settings) -> Any:
     bare = registered_id(env_id)
     with aside():
         try:
-            spec = gymnasium.spec(bare)
-            creator: Any = spec.entry_point
-            kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
-            known = arguments(kind)
-            given = {name: copy.deepcopy(value) for name, value in settings if name in known}
-            check_arguments(env_id, kind, known, given)
-            env = gymnasium.make(bare, disable_env_checker=True, **given)
+            env, known, left = _constructed(env_id, bare, settings)
         except UsageError:
             raise
         except gymnasium.error.UnregisteredEnv as error:
@@ -90,10 +84,35 @@ def made(env_id: str, settings: Settings) -> Any:
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}") from error
         except (Exception, SystemExit) as error:  # of any kind: the environment is somebody else's
             raise UsageError(f"gymnasium cannot make {env_id}: {told(error)}") from error
-        for name, value in settings:
-            if name not in given:
-                _set(env, env_id, name, copy.deepcopy(value), known)
+        try:
+            for name, value in left.items():
+                with calling(env_id, f"setting {name}={value!r}"):
+                    _set(env, env_id, name, copy.deepcopy(value), known)
+        except BaseException:
+            with suppress(Exception):  # what ended the work before it is told
+                env.close()
+            raise
     return env
+
+
+def _constructed(env_id: str, bare: str, settings: Settings) -> tuple[Any, list[str], dict[str, Any]]:
+    """The environment, the names that its constructor is known to take, and the settings that it was not given."""
+    import gymnasium
+
+    creator: Any = gymnasium.spec(bare).entry_point
+    kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
+    known = arguments(kind)
+    given = {name: value for name, value in settings if name in known}
+    left = {name: value for name, value in settings if name not in known}
+    check_arguments(env_id, kind, known, given)
+    env = gymnasium.make(bare, disable_env_checker=True, **copy.deepcopy(given))
+    there = {*numbers(env.unwrapped), *(name for each in wrappers(env) for name in vars(each))}
+    handed = {name: value for name, value in left.items() if name not in there}
+    if not (handed and takes_others(kind)):
+        return env, list(known), left
+    env.close()
+    env = gymnasium.make(bare, disable_env_checker=True, **copy.deepcopy(given | handed))
+    return env, list(known), {name: value for name, value in left.items() if name not in handed}
 
 
 def wrappers(env: Any) -> Iterator[Any]:
@@ -168,8 +187,7 @@ def _set(env: Any, env_id: str, name: str, value: Any, known: Iterable[str]) -> 
             f"what its constructor takes can change: {', '.join(known)}"
         )
     check_kind(env_id, name, value, there[name])
-    with calling(env_id, f"setting {name}={value!r}"):
-        setattr(bare, name, value)
+    setattr(bare, name, value)
 
 
 def _no_such(env: Any, env_id: str, name: str, known: Iterable[str], there: dict[str, Any]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,6 +21,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_episodes import shortest_cut
 from qinit_cli.environments.gym_making import NOTHING_SET, Settings, has_table, opened
 from qinit_cli.environments.gym_spaces import seen
+from qinit_cli.environments.modules import import_named, travelling
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
@@ -218,8 +220,9 @@ def test_what_cannot_be_set_is_refused_in_words(env_id: str, name: str, told: st
 
 
 def test_arguments_that_a_constructor_hands_on_are_given_to_it() -> None:
-    with opened("Handed-v0", Settings([("path", [1, 2])])) as env:
-        assert env.unwrapped.path == [1, 2]
+    for env_id in ("Handed-v0", "Paired-v0"):
+        with opened(env_id, Settings([("path", [1, 2]), ("slip", 0.1)])) as env:
+            assert (env.unwrapped.path, env.unwrapped.slip) == ([1, 2], 0.1)
 
 
 @pytest.mark.parametrize("value", ["[1, [2]]", "{'a': [1]}", "{1, 2}", "(1, 2)", "None", "word"])
@@ -314,6 +317,21 @@ def test_a_module_is_imported_where_it_is_named_and_not_because_a_file_does(
     modules()
     bare = here("train-sources", "gym", "Shouts-v0", "--import", "shouts", *words)
     assert (bare.path, "already complete" in bare.err) == (sources, True)
+
+
+def test_what_travels_to_another_process_takes_the_names_of_modules_along(
+    modules: Callable[[], None],
+) -> None:
+    import_named(["shouts"])
+    modules()
+    learn = pickle.loads(pickle.dumps(travelling(_nothing)))
+    assert "shouts" not in sys.modules
+    assert learn(np.arange(2), None) == (2, {})
+    assert "shouts" in sys.modules
+
+
+def _nothing(indices: Any, watch: Any) -> Any:
+    return len(indices), {}
 
 
 @pytest.mark.parametrize(
