@@ -366,7 +366,7 @@ class Gym(TableFamily):
 
     @property
     def _has_table(self) -> bool:
-        return self._seen.table and self.goal != SURVIVED
+        return self.goal != SURVIVED and self._seen.table
 
     @property
     def _doubt(self) -> str:
