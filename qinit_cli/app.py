@@ -28,6 +28,7 @@ from qinit_cli.commands import (
 )
 from qinit_cli.commands.build import add_later, option_names
 from qinit_cli.commands.help import SETTINGS, Commands, HelpAll
+from qinit_cli.commands.messages import say
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from qinit_store.errors import StoreError, SystemFailed
 
@@ -197,7 +198,7 @@ def _usage(error: typer.TyperException) -> str:
 
 def _say(message: str, code: int) -> int:
     if message:
-        print(f"qinit: {message}", file=sys.stderr)
+        say(f"qinit: {message}")
     return code
 
 

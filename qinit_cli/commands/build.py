@@ -140,7 +140,14 @@ def add_command(
         typed = {reference.name: values[reference.name] for reference in references}
         if in_context:
             typed["context"] = values["context"]
-        run(**typed, **{key: group.instance(values) for key, group in groups.items()})
+        given = {key: group.instance(values) for key, group in groups.items()}
+        if "display" not in given:
+            run(**typed, **given)
+            return
+        from qinit_cli.commands.messages import compiling
+
+        with compiling(given["display"]):
+            run(**typed, **given)
 
     parameters = [reference.parameter() for reference in references]
     if in_context:

@@ -11,6 +11,7 @@ import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, IMPORTS, ONE_PASS, OUTPUT, Display, OnePass, Output
+from qinit_cli.commands.messages import Progress
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.arrays import Flags
-    from qinit_cli.commands.making import Made
+    from qinit_cli.commands.making import Bar, Made
     from qinit_cli.environments import Family
     from qinit_cli.stages.fit import Selection
     from qinit_store.reading import Artefact
@@ -57,7 +58,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
         target = target_path(output, "fit", asked.stem, asked.spec)
         say_expected(Expected(str(target), asked.count, 0, 0, 0.0, _bytes(asked.schema)), output, display)
         return
-    made, arrays, asked = make_fit(path, fitting, output, provenance(path))
+    made, arrays, asked = make_fit(path, fitting, output, provenance(path), display)
     names = {axis.name: axis.values for axis in asked.schema.axes}
     found = findings(arrays | names, asked.spec)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
@@ -94,11 +95,17 @@ def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[s
 
 
 def make_fit(
-    path: Path, fitting: FitOptions, output: Output, origin: dict[str, str]
+    path: Path,
+    fitting: FitOptions,
+    output: Output,
+    origin: dict[str, str],
+    display: Display,
+    bar: Bar = Progress,
 ) -> tuple[Made, dict[str, Any], Asked]:
     """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
     from qinit_cli.commands.making import Made, Tally, target_path
     from qinit_cli.specs import plug_ins
+    from qinit_cli.watch import Watch
     from qinit_store.reading import describe, open_artefact
     from qinit_store.work import open_work
 
@@ -113,7 +120,8 @@ def make_fit(
             if complete:
                 source.check_tasks()  # which are fitted was read ahead
             else:
-                arrays = _arrays(source, asked.family, asked.selection, asked.held, fitting)
+                with bar(display, "fit", 0, source.task_count, Watch()) as progress:
+                    arrays = _arrays(source, asked, fitting, progress)
                 artefact.finish(statics=arrays, provenance=origin, inputs=[_input(source)])
     if complete:
         with open_artefact(target, "fit") as made:
@@ -178,19 +186,18 @@ def _axes(source: Artefact) -> list[Axis]:
     return [source.axes[name] for name in q.dims[1:]]
 
 
-def _arrays(
-    source: Artefact, family: Family, selection: Selection, held: Flags, fitting: FitOptions
-) -> dict[str, Any]:
-    """All that the fit holds, by name."""
+def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progress) -> dict[str, Any]:
+    """All that the fit holds, by name; `progress` counts the sources as they are read."""
     from qinit_cli.fitted import Fit
     from qinit_cli.stages import fit as stage
     from qinit_cli.stages import fit_statistics
 
+    family, selection, held = asked.family, asked.selection, asked.held
     origin = fit_statistics.Origin(family, float(source.spec["learning"]["gamma"]), int(source.spec["seed"]))
     names = fit_statistics.columns(fitting, family)
     sample = fit_statistics.Sample(selection.kept, origin.seed, names)
     blocks = source.blocks(dict.fromkeys(("q", "td_var", "eopl", *names)), stage.BLOCK)
-    arrays = stage.fit(sample.reading(blocks), selection, fitting)
+    arrays = stage.fit(sample.reading(progress.counting(blocks)), selection, fitting)
     arrays |= fit_statistics.statistics(sample.columns, origin, fitting)
     if held.any():
         *states, _ = _axes(source)

@@ -126,7 +126,11 @@ def _fitted(known: str, output: Output, display: Display) -> Path:
             f"--dry-run makes no fit of {path}; qinit fit {path} does, and its path can stand here"
         )
     made, _, _ = make_fit(
-        path, FitOptions(), replace(output, output=None, force=False), provenance(command=("fit", str(path)))
+        path,
+        FitOptions(),
+        replace(output, output=None, force=False),
+        provenance(command=("fit", str(path))),
+        display,
     )
     if not made.complete_before:
         note(display, f"fitted: {made.path}")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.messages import Progress, detail, note
+from qinit_cli.commands.messages import Progress, compiling, detail, note
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
 from qinit_cli.registry import PLUG_IN
 
@@ -58,7 +58,7 @@ class Plan:
     spec: Mapping[str, Any]
     schema: Schema
     learn: Learn  # the rows of some tasks
-    compiled: str  # what names the compiled code that it needs: one choice of kernel and features
+    kernel: str  # what the compiled code that it needs is called: one choice of kernel and features
     what: str  # on the line of progress
     read: Path | None = None  # the artefact it is made from
     inputs: Sequence[Mapping[str, str]] = ()
@@ -198,19 +198,20 @@ def _learn_missing(
 ) -> Tally:
     import numpy as np
 
-    from qinit_cli.kernels.compiled import note_compiled
+    from qinit_cli.kernels.compiled import cache_folder
     from qinit_cli.watch import Watch
 
     missing = np.setdiff1d(asked, artefact.saved)
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
     _say_what_is_there(artefact, tally, display)
     if work.dask is None and len(missing):  # workers elsewhere have caches of their own
-        _say_compiling(plan.compiled, display)
+        detail(display, f"compiled kernels: {cache_folder()}")
     if plan.begin is not None:
         plan.begin(artefact)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
     with (
+        compiling(display, plan.kernel),
         _crew(plan, work, watch) as crew,
         signals.asking_first(watch.stop) as received,
         bar(display, plan.what, tally.skipped, len(asked), watch) as progress,
@@ -224,8 +225,6 @@ def _learn_missing(
                 if work.fail_fast:
                     watch.stop()
         waiting.save()
-    if work.dask is None and (tally.steps or tally.seconds):
-        note_compiled(plan.compiled)
     saved = f"{len(artefact.saved)} of {len(asked)} tasks are saved"
     if received:
         raise Interrupted(f"stopped: {saved}; the same command goes on with the rest", 128 + received[0])
@@ -283,14 +282,6 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, display: Display) -> N
             display,
             f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again",
         )
-
-
-def _say_compiling(compiled: str, display: Display) -> None:
-    from qinit_cli.kernels.compiled import cache_folder, needs_compiling
-
-    if cache_folder() is not None and needs_compiling(compiled):  # else stderr was told why nothing is kept
-        note(display, "compiling the kernels, once: some seconds")
-    detail(display, f"compiled kernels: {cache_folder()}")
 
 
 class _Waiting:

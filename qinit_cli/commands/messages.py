@@ -5,9 +5,12 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display
+from qinit_cli.wrapping import columns, wrapped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,14 +31,38 @@ def console(display: Display, *, stderr: bool = False) -> Console:
         force_terminal=True if display.color == "always" else None,
         no_color={"always": False, "never": True, "auto": None}[display.color],
     )
-    terminal.size = shutil.get_terminal_size()  # rich believes that a dumb terminal has 80 columns
+    fallback = shutil.get_terminal_size()
+    stream = sys.stderr if stderr else sys.stdout  # the other one may be a pipe
+    # rich believes that a dumb terminal has 80 columns
+    terminal.size = (columns(stream) or fallback.columns, fallback.lines)
     return terminal
 
 
 def note(display: Display, text: str) -> None:
     """One line on stderr, unless --quiet."""
     if not display.quiet:
-        print(text, file=sys.stderr, flush=True)
+        say(text)
+
+
+def say(text: str) -> None:
+    """A line on stderr; on a terminal it is broken between words."""
+    print(wrapped(text, sys.stderr), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def compiling(display: Display, kind: str = "") -> Iterator[None]:
+    """Within the block, the first time that a kernel is compiled, one line says so, and of which kind; kept code is silent."""
+    from qinit_cli.kernels.compiled import heard
+
+    told: list[str] = []
+
+    def tell(module: str) -> None:
+        if not told:
+            told.append(kind or module.removeprefix("qinit_cli.kernels.").replace("_", " "))
+            note(display, f"compiling {told[0]}, once for each kind and version of qinit: some seconds")
+
+    with heard(tell):
+        yield
 
 
 def detail(display: Display, text: str) -> None:
@@ -68,6 +95,12 @@ class Progress:
         """Counts tasks that were handed in."""
         self._done += tasks
         self.tick()
+
+    def counting(self, blocks: Iterable[Mapping[str, Any]]) -> Iterator[Any]:
+        """The blocks of tasks, counted once whoever asked for them comes back for more."""
+        for block in blocks:
+            yield block
+            self.advance(len(block["task"]))
 
     def tick(self) -> None:
         """Shows where things stand."""
@@ -121,7 +154,7 @@ class Lines:
     def say(self, text: str) -> None:
         """Prints a line on stderr."""
         self._next = time.monotonic() + PLAIN_INTERVAL
-        print(text, file=sys.stderr, flush=True)
+        say(text)
 
 
 def clock(seconds: float) -> str:

@@ -45,7 +45,6 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
     from qinit_store.reading import open_artefact
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
-        _say_compiling(opened, display)
         shown = stage.show(opened)
         told = finite(_told(opened, shown))
         states = _states(opened)
@@ -156,16 +155,6 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
     else:
         return [(above, told)]
     return [line for key, part in parts for line in flat(part, f"{above}.{key}" if above else str(key))]
-
-
-def _say_compiling(artefact: Artefact, display: Display) -> None:
-    """The errors of learned sources need compiled kernels, which take a while the first time."""
-    if artefact.kind == "sources" and artefact.spec["learner"] != "exact":
-        from qinit_cli.kernels.compiled import needs_compiling
-
-        family = artefact.spec["family"]["name"]
-        if needs_compiling(f"{family}-sources") and needs_compiling(f"{family}-exact"):
-            note(display, "compiling the kernels, once: some seconds")
 
 
 def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Console) -> None:

@@ -146,7 +146,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
         spec=specs.sources(tasks, count),
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
-        compiled=f"{tasks.family.name}-{'exact' if exact else 'sources'}",
+        kernel=f"{tasks.family.name} {'exact tables' if exact else 'sources'}",
         what="sources" if tasks.role == "source" else "optimal tables",
     )
 

@@ -254,7 +254,7 @@ def plan_of(
         spec=specs.run(method, targets, count, known.content_sha256, known.spec),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
-        compiled=_compiled(targets, initial),
+        kernel=_kernel(targets, initial),
         what=method.label,
         read=known.path,
         inputs=inputs,
@@ -267,15 +267,15 @@ def _in_a_name(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]", "-", label.replace("+", "-plus-"))
 
 
-def _compiled(targets: TargetTasks, initial: Initial) -> str:
-    """What names the compiled code that these targets need: features that are not used are not compiled in."""
+def _kernel(targets: TargetTasks, initial: Initial) -> str:
+    """What the compiled code that these targets need is called: features that are not used are not compiled in."""
     features = {
-        "shaped": initial.potential.any(),
-        "following": len(initial.policies.actions) > 0,
-        "evaluated": targets.evaluate_every > 0,
-        "weighing": initial.hypothesis_count > 0,
+        "with shaping": initial.potential.any(),
+        "with policies": len(initial.policies.actions) > 0,
+        "with evaluations": targets.evaluate_every > 0,
+        "with weights": initial.hypothesis_count > 0,
     }
-    return "-".join([targets.family.name, "targets", *(name for name, used in features.items() if used)])
+    return ", ".join([f"{targets.family.name} targets", *(name for name, used in features.items() if used)])
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:

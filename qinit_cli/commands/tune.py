@@ -190,7 +190,7 @@ def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) 
         spec=spec,
         schema=tuning_schema(tuple(values), len(tried)),
         learn=rehearsal,
-        compiled=f"{family.name}-targets-{method.name}",
+        kernel=f"{family.name} targets",
         what=f"{len(tried)} candidates",
         read=source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],

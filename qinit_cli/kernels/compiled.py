@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
@@ -83,21 +83,22 @@ def _report(problem: str) -> None:
     _reported.append(statement)
 
 
-def needs_compiling(job: str) -> bool:
-    """True if nobody has noted yet that what this job ("gridworld-sources") calls is compiled: that takes seconds."""
-    folder = cache_folder()
-    return folder is None or not (folder / f"{job}.compiled").exists()
+_hearing: list[Callable[[str], None]] = []  # who is told of compiling, the innermost last
 
 
-def note_compiled(job: str) -> None:
-    """Notes that all that this job calls has been compiled and kept."""
-    if (folder := cache_folder()) is None or folder in _full:
-        return
+@contextlib.contextmanager
+def heard(tell: Callable[[str], None]) -> Iterator[None]:
+    """Within the block `tell` is called with the module of each function that is compiled, as it was not kept, in any thread."""
+    _hearing.append(tell)
     try:
-        _made(folder)  # whoever thought it unused may have removed it
-        (folder / f"{job}.compiled").touch(mode=0o600)
-    except (OSError, Untrusted) as error:
-        _give_up(folder, error)
+        yield
+    finally:
+        _hearing.remove(tell)
+
+
+def _tell(module: str) -> None:
+    if _hearing:
+        _hearing[-1](module)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -212,6 +213,7 @@ def _numba() -> Any:
     it imports it when it is compiled.
     """
     import numba
+    from numba.core import event
     from numba.core.registry import cpu_target
     from numba.np import linalg
 
@@ -221,6 +223,16 @@ def _numba() -> Any:
         cpu_target.target_context.refresh()
     finally:
         linalg.ensure_blas = asks
+
+    class Compiling(event.Listener):
+        def on_start(self, event: Any) -> None:
+            _tell(event.data["dispatcher"].py_func.__module__)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    events: Any = event  # has no types
+    events.register("numba:compile", Compiling())
     return numba
 
 

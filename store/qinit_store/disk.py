@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -69,6 +70,10 @@ class Disk:
         """`path` renamed to `name`, replacing what is there."""
         self._do("rename to", name, lambda: os.replace(path, name))
 
+    def touch(self, path: Path) -> None:
+        """The file, found complete, is as new as now: make compares times. Left as it is where we may not set its time."""
+        self._do("set the time of", path, lambda: _set_time(path))
+
     def remove(self, path: Path) -> None:
         self._do("remove", path, lambda: os.unlink(path))
 
@@ -91,6 +96,14 @@ def write_all(disk: Disk, descriptor: int, path: Path, content: bytes | memoryvi
     while left:
         written = disk.write(descriptor, path, left, offset)
         left, offset = left[written:], offset + written
+
+
+def _set_time(path: Path) -> None:
+    try:
+        os.utime(path, follow_symlinks=False)
+    except OSError as problem:
+        if problem.errno not in (errno.EPERM, errno.EACCES, errno.EROFS):
+            raise
 
 
 def _sync_directory(path: Path) -> None:

@@ -120,6 +120,7 @@ class Work:
             self.complete = same and self._standing_ids.issuperset(self._wanted.tolist())
             if self.complete:
                 self._digests = _by_id(artefact)
+                self._disk.touch(self.target)
         return self.complete
 
     def take_up(self) -> None:

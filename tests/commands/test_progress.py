@@ -98,3 +98,9 @@ def test_who_stops_a_part_stops_the_whole_and_every_other_part() -> None:
     one.stop()
     assert whole.stopped
     assert other.stopped
+
+
+def test_a_fit_counts_its_sources(here: Any, pipeline: Any, impatient: None, tmp_path: Any) -> None:
+    ended = here("fit", pipeline.sources, "-o", tmp_path / "fit.h5")
+    assert ended.code == 0, ended.err
+    assert re.search(r"^fit: 4 of 4 tasks, [\d.,e+]+ tasks/s", ended.err, re.MULTILINE)

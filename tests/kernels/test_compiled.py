@@ -35,10 +35,6 @@ def test_machine_code_is_kept_beneath_the_folder_the_user_chose(
     assert folder is not None
     assert folder.is_relative_to(tmp_path / "chosen" / "qinit")
     assert compiled.cache_statement() is None
-    assert compiled.needs_compiling("gridworld-sources")
-    compiled.note_compiled("gridworld-sources")
-    assert not compiled.needs_compiling("gridworld-sources")
-    assert compiled.needs_compiling("gridworld-targets")
 
 
 @pytest.mark.usefixtures("afresh")
@@ -71,8 +67,6 @@ def test_a_folder_that_cannot_be_written_is_told_with_the_remedy(
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     assert compiled.cache_folder() is None
-    compiled.note_compiled("gridworld-sources")
-    assert compiled.needs_compiling("gridworld-sources")
     assert "set NUMBA_CACHE_DIR" in (compiled.cache_statement() or "")
 
 
@@ -120,16 +114,24 @@ def test_a_folder_that_is_used_is_marked_as_used(tmp_path: Path, monkeypatch: py
     assert time.time() - folder.stat().st_mtime < 3600
 
 
-@pytest.mark.usefixtures("afresh")
-def test_compiling_is_noted_even_if_the_folder_was_removed_meanwhile(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder = compiled.cache_folder()
-    assert folder is not None
-    folder.rmdir()
-    compiled.note_compiled("gridworld-sources")
-    assert not compiled.needs_compiling("gridworld-sources")
+def test_compiling_is_heard_once_and_code_that_was_kept_is_silent(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(
+        "from qinit_cli.kernels.compiled import lean\n@lean\ndef twice(x):\n    return 2 * x\n"
+    )
+    code = (
+        "from qinit_cli.kernels.compiled import heard\n"
+        "from kernel import twice\n"
+        "with heard(print):\n    twice(1), twice(2)\n    print('then'), twice(1.5)\n"
+        "twice(1j)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+        ).stdout.split()
+        for _ in range(2)
+    ]
+    assert told == [["kernel", "then", "kernel"], ["then"]]
 
 
 def test_numba_does_not_import_scipys_linear_algebra_before_something_needs_it() -> None:

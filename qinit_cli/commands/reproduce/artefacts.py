@@ -117,7 +117,7 @@ class Maker:
 
                 sources = paths[artefact.sources]
                 origin = provenance(command=fit_command(artefact, sources, self.output.store))
-                made, _, _ = make_fit(sources, artefact.options, self.output, origin)
+                made, _, _ = make_fit(sources, artefact.options, self.output, origin, self.display, bar)
             case Run():
                 made = self._run(artefact, paths[artefact.fit], bar)
         if made.tally.failed:
