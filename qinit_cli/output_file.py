@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO
 
 from qinit_cli.errors import NotAllowed
+from qinit_store.disk import Disk
 from qinit_store.errors import SystemFailed
 
 NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -75,9 +76,12 @@ class OutputFile:
         with self.writing() as file:
             file.write(content)
 
-    def holds(self, content: bytes) -> bool:
-        """True if a file of ours stands there that has this content already."""
-        return self.path.is_file() and not self.path.is_symlink() and self._there() == content
+    def settle(self, content: bytes) -> bool:
+        """Whether a file of ours stands there that has this content already; it is then as new as now, which make asks for."""
+        alike = self.path.is_file() and not self.path.is_symlink() and self._there() == content
+        if alike:
+            Disk().touch(self.path)
+        return alike
 
     def _check_written(self, beside: Path) -> None:
         self.check()

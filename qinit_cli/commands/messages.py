@@ -49,17 +49,26 @@ def say(text: str) -> None:
     print(wrapped(text, sys.stderr), file=sys.stderr, flush=True)
 
 
+_compiled: set[str] = set()  # kinds that this command has said it compiles
+
+
 @contextmanager
 def compiling(display: Display, kind: str = "") -> Iterator[None]:
-    """Within the block, the first time that a kernel is compiled, one line says so, and of which kind; kept code is silent."""
+    """Within the block one line says when kernels of this kind are compiled; code that was kept is silent.
+
+    Around a whole command, of no kind: where something else is compiled and nothing was said yet.
+    """
     from qinit_cli.kernels.compiled import heard
 
-    told: list[str] = []
+    if not kind:
+        _compiled.clear()
 
     def tell(module: str) -> None:
-        if not told:
-            told.append(kind or module.removeprefix("qinit_cli.kernels.").replace("_", " "))
-            note(display, f"compiling {told[0]}, once for each kind and version of qinit: some seconds")
+        if kind in _compiled or (_compiled and not kind):
+            return
+        _compiled.add(kind or module)
+        what = kind or module.removeprefix("qinit_cli.kernels.").replace("_", " ")
+        note(display, f"compiling {what}, once for each kind and version of qinit: some seconds")
 
     with heard(tell):
         yield

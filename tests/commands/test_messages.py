@@ -236,3 +236,18 @@ def test_pairs_that_no_source_knows_are_counted_for_the_user(here: Here) -> None
     run = here("transfer", "logqinit-median", fit.path, "--tasks", 2, "--episodes", 3, "--json")
     assert "that no source knows were filled" in run.err
     assert '"filled": 0' not in run.out
+
+
+def test_compiling_is_said_once_with_its_kind_and_not_where_the_code_was_kept(
+    qinit: Any, tmp_path: Path
+) -> None:
+    words = ("train-sources", "gridworld", "--size", 4, "--tasks", 2, "--episodes", 20)
+    env = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first = qinit(*words, "-o", "a.h5", env=env)
+    assert first.code == 0, first.err
+    assert [line for line in first.err.splitlines() if line.startswith("compiling ")] == [
+        "compiling gridworld sources, once for each kind and version of qinit: some seconds"
+    ]
+    again = qinit(*words, "--seed", 1, "-o", "b.h5", env=env)
+    assert again.code == 0, again.err
+    assert "compiling" not in again.err

@@ -79,7 +79,7 @@ def report(artefacts: list[str], reporting: Reporting, reading: Reading, display
     file.check()
     content = html(page(_material(artefacts, reporting, reading.store), f"qinit {__version__}")).encode()
     size = f"{len(content) / 1e6:.1f} MB"
-    if file.holds(content):
+    if file.settle(content):
         note(display, f"{file.path} is up to date, {size}")
     else:
         file.write(content)
