@@ -68,7 +68,8 @@ def close(env: Any, env_id: str) -> None:
 def made(env_id: str, settings: Settings) -> Any:
     """The environment that gymnasium makes, constructor arguments and attributes as set; UsageError where that cannot be."""
     try:
-        import gymnasium
+        with aside():  # its plug-ins are imported with it
+            import gymnasium
     except ImportError as error:
         raise UsageError("gym needs the package gymnasium: pip install 'qinit[gym]'") from error
     bare = registered_id(env_id)

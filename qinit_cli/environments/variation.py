@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.environments.foreign import aside
 from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -67,7 +68,8 @@ class Variation:
         """What the environment is given."""
         if self.kind != "map":
             return float(drawn)
-        from gymnasium.envs.toy_text.frozen_lake import generate_random_map
+        with aside():  # gymnasium's plug-ins are imported with it
+            from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
         size, frozen = int(self.numbers[0]), self.numbers[1]
         if not _map_is_found(size, frozen):
