@@ -40,8 +40,8 @@ PANELS = {
 }
 EXAMPLES = (  # the first two work as they stand, in seconds
     "qinit train-sources gridworld --size 10 --tasks 50 | qinit fit - -o fit.h5",
-    "for m in zero logqinit-median; do qinit transfer $m fit.h5; done | qinit compare -",
-    "qinit transfer --help",
+    "for m in zero maxqinit; do qinit transfer $m fit.h5; done | qinit compare -",
+    "qinit transfer logqinit-median --help",
 )
 
 

@@ -153,12 +153,13 @@ def add_command(
     if in_context:
         keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
         parameters.insert(0, inspect.Parameter("context", keyword, annotation=typer.Context))
-    for group in [*groups.values(), *([imports] if imports else [])]:
+    shown = [*groups.values(), *([imports] if imports else [])]
+    for group in shown:
         parameters += group.parameters
     parameters.append(
         inspect.Parameter("help_all", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=HelpAll)
     )
-    seldom = frozenset(name for group in groups.values() for name in group.seldom)
+    seldom = frozenset(name for group in shown for name in group.seldom)
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     kind = type("Command", (Command,), {"seldom": seldom})

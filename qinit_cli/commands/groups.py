@@ -36,7 +36,7 @@ class Output:
     store: str = store_option()
     force: bool = option(False, "Replace an artefact of that name that has other settings.", seldom=True)
     wait: bool = option(False, "Wait while another process writes the same artefact.", seldom=True)
-    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
+    dry_run: bool = option(False, "Report what it would take, from a short trial; make nothing.")
     json: bool = option(False, "Print one JSON object instead of the path.")
 
 
@@ -100,10 +100,16 @@ class OnePass:
     """What every stage takes on its command line, for scripts that give all of them the same options."""
 
     jobs: int | None = option(
-        None, "Nothing here: a fit is one pass over its sources.", low=1, metavar="N", seldom=True
+        None,
+        "Without effect: a fit is one pass over its sources.",
+        low=1,
+        metavar="N",
+        seldom=True,
     )
     fail_fast: bool = option(
-        False, "Nothing here: a fit has no tasks that could fail one by one.", seldom=True
+        False,
+        "Without effect: no task of a fit fails alone.",
+        seldom=True,
     )
 
     def __post_init__(self) -> None:
@@ -141,6 +147,7 @@ class Imports:
         "Import a module that registers environments; may be given several times.",
         metavar="MODULE",
         default_text="none",
+        seldom=True,
     )
 
 
@@ -148,8 +155,8 @@ class Imports:
 class Display:
     """What is said on the way."""
 
-    quiet: bool = option(False, "Say nothing but errors.", short="-q")
-    verbose: bool = option(False, "Say more.", short="-v")
+    quiet: bool = option(False, "Print nothing but errors.", short="-q")
+    verbose: bool = option(False, "Print more about the work.", short="-v")
     color: Literal["auto", "always", "never"] = option(
         "auto", "Colour: on a terminal unless NO_COLOR or TERM=dumb, always or never.", seldom=True
     )

@@ -59,7 +59,7 @@ class Keeping:
     store: str = store_option()
     force: bool = option(False, "Replace an artefact of that name that has other settings.", seldom=True)
     wait: bool = option(False, "Wait while another process writes the same artefact.", seldom=True)
-    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
+    dry_run: bool = option(False, "Report what it would take, from a short trial; make nothing.")
 
 
 def add_to(methods: typer.Typer) -> None:

@@ -170,8 +170,7 @@ def test_help_fits_eighty_columns(here: Run, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("COLUMNS", "80")
     for command in NAMES:
         lines = here(*command.split(), "--help-all").out.splitlines()
-        copied = {f"  {line}" for line in EXAMPLES}  # never wrapped
-        assert max(len(line) for line in lines if line not in copied) <= 80, command
+        assert max(map(len, lines)) <= 80, command
 
 
 @pytest.mark.parametrize("spelled", ["-V", "--version"])
@@ -220,7 +219,7 @@ def test_the_examples_work_as_they_stand(shell: Run) -> None:
     assert made.code == 0, made.err
     compared = shell(second)
     assert compared.code == 0, compared.err
-    assert "logqinit-median" in compared.out
+    assert "maxqinit" in compared.out
     assert shell(read_on).code == 0
 
 

@@ -59,7 +59,7 @@ class Into:
     store: str = store_option()
     force: bool = option(False, "Replace a reproduction of other settings in that folder.", seldom=True)
     wait: bool = option(False, "Wait while another process writes the same artefact.", seldom=True)
-    dry_run: bool = option(False, "Tell what it would take, from a short trial; make nothing.")
+    dry_run: bool = option(False, "Report what it would take, from a short trial; make nothing.")
     json: bool = option(False, "Print one JSON object instead of the folder.")
 
 
