@@ -31,6 +31,7 @@ from qinit_cli.commands.help import SETTINGS, Commands, HelpAll
 from qinit_cli.commands.messages import say
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from qinit_store.errors import StoreError, SystemFailed
+from qinit_store.wording import printable
 
 PANELS = {
     "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare", "verdicts"),
@@ -157,7 +158,7 @@ def run(arguments: list[str]) -> int:
         return _say(_usage(error), UsageError.exit_code)
     except Exception as error:
         if "--debug" in arguments:
-            traceback.print_exception(error)
+            sys.stderr.write(printable("".join(traceback.format_exception(error)), keep="\n"))
         return _say(*_sentence(error))
 
 

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from qinit_store.wording import printable
+
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
@@ -100,7 +102,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
 
     def _warn(self, entry: EntryPoint, why: str) -> None:
         if COMPLETING not in os.environ:
-            sentence = " ".join(why.split()).rstrip(".")
+            sentence = printable(" ".join(why.split()).rstrip("."))
             print(
                 f"qinit: warning: the {self.noun} {entry.name} of {_origin(entry)} is left out: {sentence}",
                 file=sys.stderr,

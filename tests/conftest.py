@@ -156,16 +156,36 @@ def tuning(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def relabelled() -> Callable[[Path, Path, str], Path]:
+    """Writes a run again: `relabelled(run, path, label)`."""
+    return _relabelled
+
+
+@pytest.fixture(scope="session")
 def hostile_run(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run whose label, command and settings are markup, as whoever wrote the file by hand could have it."""
+    label = "<script>alert(1)</script><img src=x onerror=alert(1)>"
+    return _relabelled(pipeline.runs["mean"], tmp_path_factory.mktemp("hostile") / "hostile.h5", label)
+
+
+HOSTILE = "=1+1\x1b[31m\x9b2J\x1b]0;title\x07\u202e\u200b[bold]old[/bold]:smile:\n|`$\\frac{$<b>\x7f"  # what a label may hold
+
+
+@pytest.fixture(scope="session")
+def controlling_run(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose name, label, command and settings are escape sequences, marks, formulas and line breaks."""
+    folder = tmp_path_factory.mktemp("controlling")
+    return _relabelled(pipeline.runs["mean"], folder / "run[old]\x1b[2J\u202e\n$_{x}$.h5", HOSTILE)
+
+
+def _relabelled(run: Path, path: Path, label: str) -> Path:
+    """The run again under another path, with that label for its method, and as its command and a note."""
     import numpy as np
 
     from qinit_store.reading import open_artefact
     from qinit_store.work import open_work
 
-    label = "<script>alert(1)</script><img src=x onerror=alert(1)>"
-    path = tmp_path_factory.mktemp("hostile") / "hostile.h5"
-    with open_artefact(pipeline.runs["mean"], "run") as artefact:
+    with open_artefact(run, "run") as artefact:
         spec = {**artefact.spec, "method": {**artefact.spec["method"], "label": label, "note": label}}
         rows = artefact.rows(0, artefact.task_count)
         own = {column.name: rows[column.name] for column in artefact.schema.task_columns}

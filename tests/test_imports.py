@@ -120,7 +120,8 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
 )
 def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> None:
     others = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.pictures", "qinit_cli.stages", "qinit_store")
-    assert not {name for name in _everything(module) if _under(name, others)}
+    found = {name for name in _everything(module) if _under(name, others)}
+    assert found <= {"qinit_store.wording"}  # which makes text printable, and knows no file
 
 
 def test_matplotlib_is_imported_by_figures_alone() -> None:

@@ -14,7 +14,7 @@ import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import note, print_path
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import check, option
 from qinit_cli.nearest import nearest
@@ -116,7 +116,7 @@ def export(artefacts: list[str], exporting: Exporting, reading: Reading, display
         _write_with_about(file, paths, str(table), fields, display)
     else:
         _write(file, paths, format, table, fields)
-    typer.echo(destination)
+    print_path(destination)
 
 
 def _write(

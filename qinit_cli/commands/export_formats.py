@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
+from qinit_cli.commands.cells import separated
 from qinit_cli.errors import UsageError
 from qinit_cli.stages.long_tables import Field, rows
 from qinit_cli.stages.named_arrays import NamedArray, arrays
@@ -49,12 +50,17 @@ def metadata(artefact: Artefact) -> dict[str, Any]:
 
 
 def write_csv(file: IO[str], opened: Opened, table: str, fields: Sequence[Field]) -> None:
-    """A header and a line for each row; a value that is not there is empty, numbers read back exactly."""
+    """A header and a line for each row; a value that is not there is empty, numbers read back exactly, text stays text."""
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow([field.name for field in fields])
+    writer.writerow([separated(field.name) for field in fields])
+    text = {field.name for field in fields if field.dtype == "str"}
     for artefact in opened():
         for piece in rows(artefact, table):
-            writer.writerows(zip(*(_plain(values, "") for values in piece.values()), strict=True))
+            columns = (
+                map(separated, values.tolist()) if name in text else _plain(values, "")
+                for name, values in piece.items()
+            )
+            writer.writerows(zip(*columns, strict=True))
 
 
 def write_parquet(file: IO[bytes], opened: Opened, table: str, fields: Sequence[Field]) -> None:

@@ -63,7 +63,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     found = findings(arrays | names, asked.spec)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
-    say_result(made, "qinit.fit/1", "\n".join([sentence, *lines(found)]), output, display)
+    say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from qinit_cli.commands.transfer import (
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option
 from qinit_cli.methods import METHODS, Method
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -123,7 +124,7 @@ def _fitted(known: str, output: Output, display: Display) -> Path:
         return path
     if output.dry_run:
         raise UsageError(
-            f"--dry-run makes no fit of {path}; qinit fit {path} does, and its path can stand here"
+            f"--dry-run makes no fit of {path}; {shell_line('qinit', 'fit', path)} does, and its path can stand here"
         )
     made, _, _ = make_fit(
         path,

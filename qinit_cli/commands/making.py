@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.messages import Progress, compiling, detail, note
+from qinit_cli.commands.messages import Progress, compiling, detail, note, print_path
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
 from qinit_cli.registry import PLUG_IN
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -250,13 +251,22 @@ def _failure(task: int, error: Exception, plan: Plan) -> str:
     words = shlex.split(provenance(plan.read, plan.command)["command"])
     if "--shard" in words:
         del words[words.index("--shard") : words.index("--shard") + 2]
-    alone = shlex.join([*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast"])
+    alone = shell_line(*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast")
     return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
 
 
-def say_result(made: Made, schema: str, sentence: str, output: Output, display: Display) -> None:
-    """The summary on stderr, then the path alone on a line, or one JSON object, on stdout."""
-    note(display, sentence)
+def say_result(
+    made: Made,
+    schema: str,
+    sentence: str,
+    output: Output,
+    display: Display,
+    *,
+    further: Iterable[str] = (),
+) -> None:
+    """The summary and `further` lines on stderr, then the path alone on a line, or one JSON object, on stdout."""
+    for line in (sentence, *further):
+        note(display, line)
     tally = made.tally
     told = {
         "schema": schema,
@@ -269,7 +279,10 @@ def say_result(made: Made, schema: str, sentence: str, output: Output, display: 
         "seconds": round(tally.seconds, 6),
         **tally.extra,
     }
-    print(json.dumps(told, allow_nan=False) if output.json else made.path, flush=True)
+    if output.json:
+        print(json.dumps(told, allow_nan=False), flush=True)
+    else:
+        print_path(made.path)
     if tally.failed:
         raise TasksFailed(f"{tally.failed} of {tally.tasks} tasks failed; the same command tries them again")
 

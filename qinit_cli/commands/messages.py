@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display
 from qinit_cli.wrapping import columns, wrapped
+from qinit_store.wording import printable
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
 
     from qinit_cli.watch import Watch
@@ -23,11 +26,14 @@ ETA_AFTER = 1.0  # second of learning: what is told of the time left before is a
 
 
 def console(display: Display, *, stderr: bool = False) -> Console:
-    """A rich console for stdout or stderr that obeys --color, NO_COLOR and TERM."""
+    """A rich console for stdout or stderr that obeys --color, NO_COLOR and TERM, and no markup: names hold brackets."""
     from rich.console import Console
 
     terminal = Console(
         stderr=stderr,
+        markup=False,
+        emoji=False,
+        highlight=False,
         force_terminal=True if display.color == "always" else None,
         no_color={"always": False, "never": True, "auto": None}[display.color],
     )
@@ -46,7 +52,7 @@ def note(display: Display, text: str) -> None:
 
 def say(text: str) -> None:
     """A line on stderr; on a terminal it is broken between words."""
-    print(wrapped(text, sys.stderr), file=sys.stderr, flush=True)
+    print(wrapped(printable(text), sys.stderr), file=sys.stderr, flush=True)
 
 
 _compiled: set[str] = set()  # kinds that this command has said it compiles
@@ -78,6 +84,11 @@ def detail(display: Display, text: str) -> None:
     """One line on stderr with --verbose."""
     if display.verbose:
         note(display, text)
+
+
+def print_path(path: Path) -> None:
+    """The path alone on a line of stdout: as it is for the next stage, on a terminal without what that would obey."""
+    print(printable(path) if sys.stdout.isatty() else path, flush=True)
 
 
 class Progress:
@@ -178,12 +189,12 @@ def _bar(display: Display, what: str, done: int, total: int):  # type: ignore[no
     from rich.progress import Progress as Bar
 
     bar = Bar(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=None),
         *(TextColumn(f"{{task.fields[{name}]}}") for name in ("done", "rate", "left")),
         console=console(display, stderr=True),
         transient=True,
         expand=True,
     )
-    bar.add_task(what, total=total, completed=done, done=f"{done}/{total}", rate="", left="")
+    bar.add_task(printable(what), total=total, completed=done, done=f"{done}/{total}", rate="", left="")
     return bar

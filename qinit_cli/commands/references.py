@@ -47,6 +47,7 @@ def one(reference: str, store: str, *needed: str) -> Path:
 def _resolved(name: str, store: Store) -> Path:
     """The artefact's path; NotFound says how to go on with one that is unfinished."""
     from qinit_store.errors import NotFound
+    from qinit_store.wording import recorded_command
 
     try:
         return store.resolve(name)
@@ -54,7 +55,7 @@ def _resolved(name: str, store: Store) -> Path:
         stem = Path(name).name.removesuffix(".h5")
         for entry in store.entries():
             if entry.state == "unfinished" and entry.path.stem == stem:
-                command = entry.provenance.get("command", "the command that began it")
+                command = recorded_command(entry.provenance.get("command")) or "the command that began it"
                 raise NotFound(
                     f"{name} is unfinished: {entry.tasks} of {entry.spec.get('tasks', '?')} tasks; go on with {command}"
                 ) from None

@@ -9,7 +9,7 @@ from typing import Any
 
 from qinit_cli.commands.build import Group
 from qinit_cli.commands.groups import Display, store_option
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import note, print_path
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
 
@@ -51,4 +51,4 @@ def say_written(
         digest = describe(path).content_sha256
         print(json.dumps({"schema": schema, "path": str(path), "digest": digest, **told}), flush=True)
     else:
-        print(path, flush=True)
+        print_path(path)

@@ -181,6 +181,6 @@ def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Consol
             title = "log-normal median of Q, its largest over actions"
             rows, columns = (MapAxis(axis.name, [float(value) for value in axis.values]) for axis in states)
             lines = heatmap(shown.picture, rows, columns, sheet)
-    terminal.print(f"\n{title}", style="bold", highlight=False, markup=False)
+    terminal.print(f"\n{title}", style="bold")
     for line in lines:
-        terminal.print(line, no_wrap=True, overflow="crop", highlight=False)
+        terminal.print(line, no_wrap=True, overflow="crop")

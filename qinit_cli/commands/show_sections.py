@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from qinit_store.wording import printable
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -15,9 +17,7 @@ SHORT = 12  # digits of a hash that tell artefacts apart
 
 def print_sections(told: Told, terminal: Console) -> None:
     """Origin, settings, numbers and datasets; `told` as `qinit show --json` has it."""
-    terminal.print(
-        f"{told['kind']} {told['name']}", style="bold", highlight=False, markup=False, soft_wrap=True
-    )
+    terminal.print(printable(f"{told['kind']} {told['name']}"), style="bold", soft_wrap=True)
     _print_rows(_origin(told), terminal)
     _print_section("settings", _settings(told["spec"]), terminal)
     _print_section(
@@ -115,19 +115,18 @@ def _words(name: str) -> str:
 
 def _print_section(title: str, rows: Sequence[Sequence[str]], terminal: Console) -> None:
     if rows:
-        terminal.print(f"\n{title}", style="bold", highlight=False)
+        terminal.print(f"\n{printable(title)}", style="bold")
         _print_rows(rows, terminal)
 
 
 def _print_rows(rows: Sequence[Sequence[str]], terminal: Console) -> None:
     """Rows of equal length; the last column is folded where it does not fit."""
     from rich.table import Table
-    from rich.text import Text
 
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True, style="cyan")
     for column in range(1, len(rows[0])):
         table.add_column(no_wrap=column < len(rows[0]) - 1, overflow="fold")
     for key, *values in rows:
-        table.add_row(Text(f"  {key}"), *map(Text, values))
+        table.add_row(f"  {printable(key)}", *map(printable, values))
     terminal.print(table)

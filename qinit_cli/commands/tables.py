@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.commands.cells import markdown, separated
 from qinit_cli.commands.groups import Display, Tabular
 from qinit_cli.commands.messages import console
+from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,6 +24,8 @@ Row = dict[str, Any]
 
 UNBOUNDED = 10_000  # columns, wider than any table
 FOLDED_WIDTH = 18  # the narrowest that a column of longer texts is folded to
+SIGNIFICANT = 5  # digits of a number, which large ones need no decimals for
+NEEDLESS = re.compile(r"^(-?)0\.")  # the zero of -0.25, but not that of 10.25
 
 
 @dataclass(frozen=True)
@@ -33,10 +38,11 @@ class TableColumn:
 
     key: str
     heading: str = ""
-    digits: int | None = None  # decimals for people; None for text and counts
+    digits: int | None = None  # decimals for people, fewer of large numbers; None for text and counts
     interval: bool = False
     bounds_shown: bool = True
     dispensable: bool = False  # left out for people where the terminal is too narrow
+    by_name: bool = False  # asked for: shown to people even where it is empty
 
     @property
     def keys(self) -> list[str]:
@@ -46,23 +52,39 @@ class TableColumn:
     @property
     def title(self) -> str:
         """What stands above it."""
-        return self.heading or self.key.replace("_", " ")
+        return printable(self.heading or self.key.replace("_", " "))
 
     def text(self, row: Row) -> str:
         """The value for people."""
-        value, *bounds = (self._number(row[key]) for key in self.keys)
+        value, *bounds = self._numbers(row)
         return f"{value} ({' to '.join(bounds)})" if self.bounds_shown and any(bounds) else value
 
     def lines(self, row: Row) -> str:
         """The same on two lines, as narrow as can be: a terminal has few columns."""
-        value, *bounds = (self._number(row[key]) for key in self.keys)
-        narrow = [bound.replace("0.", ".", 1) for bound in bounds]
+        value, *bounds = self._numbers(row)
+        narrow = [NEEDLESS.sub(r"\1.", bound) for bound in bounds]
         return f"{value}\n{'–'.join(narrow)}" if self.bounds_shown and any(bounds) else value
 
-    def _number(self, value: Any) -> str:
-        if value is None:
-            return ""
-        return f"{value:.{self.digits}f}" if self.digits is not None else str(value)
+    def empty(self, rows: Sequence[Row]) -> bool:
+        """Whether it has no value in any row."""
+        return all(row[self.key] in (None, "") for row in rows)
+
+    def _numbers(self, row: Row) -> list[str]:
+        """The value and its bounds, all with as many decimals as the largest of them has."""
+        values = [row[key] for key in self.keys]
+        if self.digits is None:
+            return ["" if value is None else printable(value) for value in values]
+        decimals = _decimals(
+            max((abs(value) for value in values if value is not None), default=0.0), self.digits
+        )
+        return ["" if value is None else f"{value:{decimals}}" for value in values]
+
+
+def _decimals(size: float, most: int) -> str:
+    """How a number of that size is written: SIGNIFICANT digits, at most so many decimals; a tiny one as a power."""
+    if 0 < size < 0.5 * 10.0**-most:
+        return ".2g"
+    return f".{max(0, min(most, SIGNIFICANT - len(str(int(size)))))}f"
 
 
 def print_table(
@@ -89,8 +111,8 @@ def print_table(
         case "jsonl":
             for row in plain:
                 print(json.dumps({"schema": schema, **row}, allow_nan=False))
-        case separated:
-            _print_separated(keys, plain, "\t" if separated == "tsv" else ",")
+        case spreadsheet:
+            _print_separated(keys, plain, "\t" if spreadsheet == "tsv" else ",")
 
 
 def _plain(value: Any) -> Any:
@@ -105,7 +127,7 @@ def _print_rich(
     from rich.measure import Measurement
 
     terminal = console(display)
-    shown = list(columns)
+    shown = [column for column in columns if column.by_name or not rows or not column.empty(rows)]
     dropped: list[TableColumn] = []
     while True:
         table = _rich_table(shown, rows)
@@ -118,10 +140,10 @@ def _print_rich(
         shown.remove(dispensable[-1])
     # title and caption apart: in the table they would be folded to its width
     if title:
-        terminal.print(title, style="table.title", highlight=False)
+        terminal.print(printable(title), style="table.title")
     terminal.print(table)
     if caption:
-        terminal.print(caption, style="table.caption", highlight=False)
+        terminal.print(printable(caption, keep="\n"), style="table.caption")
     if dropped:
         names = ", ".join(column.title for column in dropped)
         terminal.print(f"not shown for lack of room: {names} (--format tsv has all)", style="dim")
@@ -152,14 +174,19 @@ def _rich_table(columns: Sequence[TableColumn], rows: Sequence[Row]) -> Table:
 
 
 def _print_markdown(columns: Sequence[TableColumn], rows: Sequence[Row]) -> None:
-    print("| " + " | ".join(column.title for column in columns) + " |")
+    print("| " + " | ".join(markdown(column.title) for column in columns) + " |")
     print("|" + "|".join(" --- " for _ in columns) + "|")
     for row in rows:
-        print("| " + " | ".join(column.text(row).replace("|", "\\|") for column in columns) + " |")
+        print("| " + " | ".join(markdown(column.text(row)) for column in columns) + " |")
 
 
 def _print_separated(keys: Sequence[str], rows: Sequence[Row], delimiter: str) -> None:
     writer = csv.writer(sys.stdout, delimiter=delimiter, lineterminator="\n")
-    writer.writerow(keys)
+    writer.writerow(map(separated, keys))
     for row in rows:
-        writer.writerow(["" if row[key] is None else row[key] for key in keys])
+        writer.writerow(["" if row[key] is None else _cell(row[key]) for key in keys])
+
+
+def _cell(value: Any) -> Any:
+    """A number as it is, anything else as text that stays text."""
+    return value if isinstance(value, int | float) else separated(str(value))

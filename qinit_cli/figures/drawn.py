@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.figures.style import house_style
 from qinit_cli.output_file import OutputFile
+from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,6 +52,12 @@ class Drawn:
     alt: str
     notes: tuple[str, ...] = ()  # what is not in the picture, and why
 
+    def __post_init__(self) -> None:
+        from matplotlib.text import Text
+
+        for text in self.figure.findobj(Text):
+            text.set_text(printable(text.get_text(), keep="\n"))
+
     def save(self, file: PictureFile) -> None:
         """Writes it whole or not at all; the folder is made. The same figure gives the same bytes."""
         image = self._image(file.kind, {MAKER[file.kind]: file.maker})
@@ -63,15 +70,16 @@ class Drawn:
         return text[text.index("<svg") :]
 
     def _image(self, kind: str, further: dict[str, str] | None = None) -> bytes:
+        title, alt = printable(self.title), printable(self.alt)
         said: dict[str, dict[str, Any]] = {
-            "png": {"Software": None, "Title": self.title, "Description": self.alt},
-            "svg": {"Date": None, "Title": self.title, "Description": self.alt},
-            "pdf": {"CreationDate": None, "ModDate": None, "Title": self.title, "Subject": self.alt},
+            "png": {"Software": None, "Title": title, "Description": alt},
+            "svg": {"Date": None, "Title": title, "Description": alt},
+            "pdf": {"CreationDate": None, "ModDate": None, "Title": title, "Subject": alt},
         }
         image = io.BytesIO()
         with house_style():
             self.figure.savefig(image, format=kind, metadata={**said[kind], **(further or {})})
-        return _described(image.getvalue(), self.alt) if kind == "svg" else image.getvalue()
+        return _described(image.getvalue(), alt) if kind == "svg" else image.getvalue()
 
 
 def _described(svg: bytes, alt: str) -> bytes:

@@ -40,6 +40,7 @@ SETTINGS: dict[str, Any] = {
     "legend.frameon": False,
     "savefig.dpi": 300,
     "figure.constrained_layout.use": True,
+    "text.parse_math": False,  # a label with a $ is no formula
     "svg.hashsalt": "qinit",  # element ids that do not change from run to run
     "pdf.fonttype": 42,
 }

@@ -24,7 +24,12 @@ def marked(label: str, method: str) -> str:
     from qinit_cli.stages.compare import remark
 
     known = remark(method)
-    return f"{label} ({known})" if known else label
+    return legible(f"{label} ({known})" if known else label)
+
+
+def legible(label: str) -> str:
+    """The label with a blank before an underscore, which keeps a line out of a legend."""
+    return f"\N{NO-BREAK SPACE}{label}" if label.startswith("_") or not label else label
 
 
 def distribution(family: Family) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from qinit_store.wording import printable
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -61,6 +63,7 @@ def _template() -> Template:
     house = Environment(
         loader=PackageLoader("qinit_cli.report", "."),
         autoescape=True,
+        finalize=_legible,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -68,6 +71,13 @@ def _template() -> Template:
     )
     house.filters["kept"] = _kept
     return house.get_template("page.html.jinja")
+
+
+def _legible(value: object) -> object:
+    """Text without what is obeyed or hidden when it is shown; what is HTML already as it is."""
+    from markupsafe import Markup
+
+    return printable(value, keep="\n") if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _kept(words: str) -> str:

@@ -10,6 +10,7 @@ import re
 from xml.etree import ElementTree
 
 from qinit_cli.errors import NotAllowed
+from qinit_store.wording import printable
 
 SVG = "http://www.w3.org/2000/svg"
 XLINK = "http://www.w3.org/1999/xlink"
@@ -64,7 +65,7 @@ def inline(svg: str, name: str, title: str, alt: str) -> str:
     }
     for place, (tag, words) in enumerate({"title": title, "desc": alt}.items()):
         told = ElementTree.Element(tag, id=f"{name}-{'title' if tag == 'title' else 'alt'}")
-        told.text = words
+        told.text = printable(words, keep="\n")
         root.insert(place, told)
     return ElementTree.tostring(root, encoding="unicode")
 

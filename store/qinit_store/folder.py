@@ -17,6 +17,7 @@ from qinit_store.errors import SystemFailed
 from qinit_store.lock import LOCK
 from qinit_store.publish import place
 from qinit_store.spec import Spec, canonical_json
+from qinit_store.wording import recorded_command
 
 RECORD = "spec.json"
 LARGEST_RECORD = 4 * 1024**2
@@ -34,8 +35,9 @@ class Record:
 
     @property
     def command(self) -> str:
-        """The command that began it, for messages; a stand-in where nothing is known."""
-        return str(self.provenance.get("command") or "the command that began it")
+        """The command that began it, as a message advises it; a stand-in where none of ours is recorded."""
+        line = recorded_command(self.provenance.get("command"))
+        return f"`{line}`" if line else "the command that began it"
 
 
 def work_folder(target: Path) -> Path:

@@ -21,6 +21,7 @@ from qinit_store.interrupts import held_back
 from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
 from qinit_store.source import Source
 from qinit_store.spec import canonical_json, spec_sha256
+from qinit_store.wording import shell_line
 
 KINDS = ("sources", "fit", "run", "tuning")
 
@@ -96,7 +97,7 @@ class Artefact:
         some = "; ".join(self.strange[:3]) + ("; ..." if len(self.strange) > 3 else "")
         return (
             f"{self.path} was changed by another program after qinit wrote it: {some};"
-            f" `qinit salvage {self.path}` writes an artefact without that"
+            f" `{shell_line('qinit', 'salvage', self.path)}` writes an artefact without that"
         )
 
     @property

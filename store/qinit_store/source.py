@@ -18,6 +18,7 @@ import numpy as np
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed
 from qinit_store.interrupts import held_back
 from qinit_store.presence import refusal
+from qinit_store.wording import shell_line
 
 T = TypeVar("T")
 
@@ -93,7 +94,7 @@ class Source(io.RawIOBase):
             return SystemFailed(
                 f"{self.path} was written by another program while it was read; run the same command again"
             )
-        return Damaged(f"{self.path} is damaged: {reason}; see `qinit verify {self.path}`")
+        return Damaged(f"{self.path} is damaged: {reason}; see `{shell_line('qinit', 'verify', self.path)}`")
 
     def _sound(self, call: Callable[[], T]) -> T:
         try:

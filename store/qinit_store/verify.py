@@ -15,6 +15,7 @@ from pathlib import Path
 
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
 from qinit_store.presence import exists
+from qinit_store.wording import shell_line
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
@@ -45,7 +46,7 @@ class Verdict:
             some = ", ".join(map(str, self.damaged[:10])) + (", ..." if len(self.damaged) > 10 else "")
             raise Damaged(
                 f"{self.path} is damaged: {len(self.damaged)} of {self.tasks} tasks do not hold ({some});"
-                f" `qinit salvage {self.path}` keeps the others"
+                f" `{shell_line('qinit', 'salvage', self.path)}` keeps the others"
             )
         if self.problem:
             raise ERRORS[self.state](self.problem)

@@ -305,7 +305,7 @@ class Work:
             other = f"kind: asked for {self._schema.kind}, there is {kept.kind}"
         if other:
             raise Refused(
-                f"{self.target} was begun with other settings ({other}); finish it with `{kept.command}`,"
+                f"{self.target} was begun with other settings ({other}); finish it with {kept.command},"
                 " give another name with -o, or discard it with --force"
             )
 
@@ -352,7 +352,7 @@ class Work:
         kept = folder.read_record(self.folder) or self._record
         raise Refused(
             f"{self.target} was begun for {kept.spec.get('tasks', 'more')} tasks and holds task {beyond[-1]},"
-            f" asked for are {len(asked)}; finish it with `{kept.command}`, give another name with -o,"
+            f" asked for are {len(asked)}; finish it with {kept.command}, give another name with -o,"
             " or discard it with --force"
         )
 

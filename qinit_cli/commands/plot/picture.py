@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-import typer
-
 from qinit_cli.commands.build import Group
 from qinit_cli.commands.groups import Display
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import note, print_path
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
@@ -72,4 +70,4 @@ def publish(drawn: Drawn, file: PictureFile, display: Display) -> None:
     for said in drawn.notes:
         note(display, said)
     drawn.save(file)
-    typer.echo(file.path)
+    print_path(file.path)

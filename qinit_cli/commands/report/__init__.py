@@ -10,7 +10,7 @@ import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import note, print_path
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
 from qinit_cli.output_file import OutputFile
@@ -84,7 +84,7 @@ def report(artefacts: list[str], reporting: Reporting, reading: Reading, display
     else:
         file.write(content)
         note(display, f"{size}, to be opened in any browser")
-    typer.echo(file.path)
+    print_path(file.path)
 
 
 def _material(references: list[str], reporting: Reporting, store: str) -> Material:

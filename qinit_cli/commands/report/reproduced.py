@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.report.numbers import counted
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.report.content import Figure
@@ -23,9 +24,8 @@ def material(folder: Path, store: str, title: str | None, question: str | None) 
     """What the folder holds. UsageError where that is no reproduction, NotAllowed where it is not as it was made."""
     manifest = _json(folder, MANIFEST) if (folder / MANIFEST).is_file() else None
     if manifest is None:
-        raise UsageError(
-            f"{folder} has no {MANIFEST}, so it is no reproduction; qinit reproduce all -o {folder} makes one"
-        )
+        making = shell_line("qinit", "reproduce", "all", "-o", folder)
+        raise UsageError(f"{folder} has no {MANIFEST}, so it is no reproduction; {making} makes one")
     if not str(manifest.get("schema")).startswith(SCHEMA):
         raise NotAllowed(f"{folder / MANIFEST} is of schema {manifest.get('schema')!r}; wanted {SCHEMA}1")
     try:
@@ -57,10 +57,12 @@ def _material(
         ],
         artefacts=artefacts,
         compared=[(str(one["title"]), _json(folder, one["file"])) for one in manifest["tables"]],
+        tuned=[],
         verdicts=_json(folder, manifest["verdicts"])["rows"] if manifest["verdicts"] else judged(paths),
         figures=[_figure(folder, one) for one in manifest["figures"]],
         undrawn=[],
         absent=absent,
+        of_claims=True,
     )
 
 

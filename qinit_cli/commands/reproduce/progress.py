@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.groups import Display
 from qinit_cli.commands.messages import Lines, Progress, clock, console
+from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from qinit_cli.watch import Watch
@@ -60,7 +61,7 @@ class Whole:
             self._bar.update(
                 self._bar.task_ids[0],
                 completed=done,
-                description=what,
+                description=printable(what),
                 at=f"{self._at}/{self._count}",
                 rate=rate,
                 left=left,
@@ -98,7 +99,7 @@ def _bar(display: Display, expected: float) -> Any:
 
     bar = Bar(
         TextColumn("{task.fields[at]}"),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=None),
         TextColumn("{task.fields[rate]}"),
         TextColumn("{task.fields[left]}"),

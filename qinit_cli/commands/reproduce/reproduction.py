@@ -11,11 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from qinit_cli import experiments
 from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.messages import note, print_path
 from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
 from qinit_cli.commands.reproduce.drawing import Drawing, file_of, made_of
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected, expected
@@ -215,7 +213,7 @@ class Reproduction:
     def _print(self, folder: Folder, made: int, drawn: int) -> None:
         """The folder, or one JSON object."""
         if not self.stages.json:
-            typer.echo(folder.path)
+            print_path(folder.path)
             return
         told = {
             "schema": "qinit.reproduce/1",
