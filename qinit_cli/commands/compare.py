@@ -12,6 +12,7 @@ from qinit_cli.commands.build import Group, Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -126,7 +127,7 @@ def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: 
         note(
             display,
             f"{comparison.title}: no run of {baseline}, so no differences; "
-            f"qinit transfer {baseline} FIT makes one",
+            f"{shell_line('qinit', 'transfer', baseline, 'FIT')} makes one",
         )
     if comparison.rows[0].regret is None:
         needing = "regret needs" if comparing.greedy else "regret and time to threshold need"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.tables import TableColumn
 from qinit_cli.errors import UsageError
 from qinit_cli.nearest import nearest
+from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from qinit_cli.stages.compare import Comparison, Row
@@ -30,8 +32,10 @@ def columns(metric: str, baseline: str, *, greedy: bool) -> list[TableColumn]:
         _summary("transfer_ratio", "ratio", 2),
         _summary("time_to_threshold", "threshold", 0),
         _summary("regret", "regret", 4),
-        TableColumn("success", digits=3, dispensable=True),
-        TableColumn("restricted_steps", "steps", 1, dispensable=True),
+        *([] if metric == "success" else [TableColumn("success", digits=3, dispensable=True)]),
+        TableColumn(
+            "restricted_steps", "restricted steps" if metric == "steps" else "steps", 1, dispensable=True
+        ),
         _summary("iqm", "IQM", 4),
         _summary("probability_of_improvement", "P(improve)", 2),
         _summary("restricted_mean_time_to_threshold", "RMST", 1),
@@ -49,7 +53,7 @@ def chosen(there: list[TableColumn], names: str | None) -> list[TableColumn]:
     unknown = [name for name in wanted if name not in known]
     if unknown:
         raise UsageError(f"--columns {unknown[0]}: {nearest(unknown[0], list(known))}")
-    return [known[name] for name in dict.fromkeys((*NAMED, *wanted))]
+    return [replace(known[name], by_name=name in wanted) for name in dict.fromkeys((*NAMED, *wanted))]
 
 
 def for_people(columns: list[TableColumn]) -> list[TableColumn]:
@@ -61,11 +65,12 @@ def caption(comparison: Comparison, metric: str) -> str:
     """What the intervals are over, who is worse than learning from zero, why a ratio or p is missing, and what the marks mean."""
     rows = comparison.rows
     lines = [comparison.intervals]
-    worse = [row.label for row in rows if row.negative_transfer]
+    worse = [printable(row.label) for row in rows if row.negative_transfer]
     if worse:
         side = "above" if metric == "steps" else "below"
+        apart = "; " if any("," in label for label in worse) else ", "
         lines.append(
-            f"negative transfer: {' and '.join([', '.join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
+            f"negative transfer: {' and '.join([apart.join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
             f"{'are' if worse[1:] else 'is'} worse than learning from zero, the whole interval of the difference {side} 0"
         )
     if any(row.difference is not None and row.ratio is None for row in rows):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +12,7 @@ from qinit_cli.commands.build import Group, add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import note
 from qinit_cli.fields import check, option
+from qinit_store.wording import recorded_command
 
 if TYPE_CHECKING:
     from qinit_store.reading import Description
@@ -61,11 +63,13 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
-    entries = [entry for entry in Store(Path(reading.store)).entries() if listing.wanted(entry)]
+    there = list(Store(Path(reading.store)).entries())
+    entries = [entry for entry in there if listing.wanted(entry)]
     for_people = tabular.chosen == "table"
     columns = [
         TableColumn("kind"),
         TableColumn("name"),
+        TableColumn("differs", "differs in"),
         *([] if for_people else [TableColumn("family")]),  # names begin with it
         TableColumn("tasks"),
         TableColumn("made", dispensable=True),
@@ -76,7 +80,10 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
         columns += [
             TableColumn(key) for key in ("tasks_wanted", "problem", "path", "content_sha256", "command")
         ]
-    rows = [_for_people(_row(entry)) if for_people else _row(entry) for entry in entries]
+    rows = [
+        (_for_people(_row(entry)) if for_people else _row(entry)) | {"differs": words}
+        for entry, words in zip(entries, _differences(entries, _seeds(there)), strict=True)
+    ]
     print_table("qinit.list/1", columns, rows, tabular, display)
     if not entries:
         filtered = listing != Listing()
@@ -89,8 +96,35 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     for entry in entries:
         if entry.problem and for_people:
             note(display, entry.problem)
-        if entry.state == UNFINISHED and (command := entry.provenance.get("command")):
+        if entry.state == UNFINISHED and (command := recorded_command(entry.provenance.get("command"))):
             note(display, f"to go on with {entry.path.stem}: {command}")
+
+
+def _seeds(there: Sequence[Description]) -> dict[str, Any]:
+    """The seed of each of the store's sources, by their content: a run names its sources by that alone."""
+    return {entry.content_sha256: entry.spec.get("seed") for entry in there if entry.kind == "sources"}
+
+
+def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> list[str]:
+    """What tells each from the others of its kind, family and method."""
+    from qinit_cli.distinctions import distinctions
+
+    def with_seed(spec: Mapping[str, Any]) -> Mapping[str, Any]:
+        sources = spec.get("source_set", {})
+        known = seeds.get(sources.get("sources"))
+        return spec if known is None else {**spec, "source_set": {**sources, "seed": known}}
+
+    alike: dict[tuple[str, str, str], list[int]] = {}
+    for at, entry in enumerate(entries):
+        if entry.spec:
+            family = entry.spec.get("sources", entry.spec).get("family", {}).get("name", "")
+            method = entry.spec.get("method", {}).get("label", "")
+            alike.setdefault((entry.kind, family, method), []).append(at)
+    words = [""] * len(entries)
+    for places in alike.values():
+        for at, own in zip(places, distinctions([with_seed(entries[at].spec) for at in places]), strict=True):
+            words[at] = own
+    return words
 
 
 def _row(entry: Description) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fields import check, flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -130,7 +131,7 @@ def tune(
     with open_artefact(made.path, "tuning") as artefact:
         choice = Choice.of(artefact)
     _print(choice, made, tabular, display)
-    for said in _sentences(choice, made.path):
+    for said in sentences(choice, made.path):
         note(display, said)
     if made.tally.failed:
         raise TasksFailed(
@@ -332,12 +333,13 @@ def _print(choice: Choice, made: Made, tabular: Tabular, display: Display) -> No
         "worth": {"difference": worth.difference, "low": worth.low, "high": worth.high},
         "edges": choice.edges,
     }
-    rows = [_row(one, tabular.chosen == "table") for one in choice.candidates]
+    rows = [_for_people(one) if tabular.chosen == "table" else row(one) for one in choice.candidates]
     print_table(SCHEMA, columns, rows, tabular, display, caption=CAPTION, extra=extra)
 
 
-def _row(one: Candidate, for_people: bool) -> dict[str, Any]:
-    row = {
+def row(one: Candidate) -> dict[str, Any]:
+    """A candidate's parameters, average and difference with their bounds, and whether it is the default or chosen."""
+    return {
         **one.parameters,
         "average": one.average,
         "average_low": one.low,
@@ -348,18 +350,20 @@ def _row(one: Candidate, for_people: bool) -> dict[str, Any]:
         "default": one.default,
         "chosen": one.chosen,
     }
-    if not for_people:
-        return row
+
+
+def _for_people(one: Candidate) -> dict[str, Any]:
+    whole = row(one)
     told = {
         name: int(value) if value.is_integer() else float(f"{value:.6g}")
         for name, value in one.parameters.items()
     }
-    nothing = {name: None for name in row if name.startswith("difference") and one.default}
-    marks = {name: "yes" if row[name] else "" for name in ("default", "chosen")}
-    return row | told | nothing | marks
+    nothing = {name: None for name in whole if name.startswith("difference") and one.default}
+    marks = {name: "yes" if whole[name] else "" for name in ("default", "chosen")}
+    return whole | told | nothing | marks
 
 
-def _sentences(choice: Choice, path: Path) -> list[str]:
+def sentences(choice: Choice, path: Path) -> list[str]:
     """What was chosen, what choosing is worth, and where values beyond those tried may be better."""
     best, worth = choice.chosen, choice.worth
     told = " ".join(f"{flag(name)} {value:g}" for name, value in best.parameters.items())
@@ -377,7 +381,7 @@ def _sentences(choice: Choice, path: Path) -> list[str]:
         for further in ["smaller" if end == "smallest" else "larger"]
     ]
     return [
-        f"{choice.method}: {found}; qinit transfer {choice.method} FIT --tuned {path} takes it",
+        f"{choice.method}: {found}; {shell_line('qinit', 'transfer', choice.method, 'FIT', '--tuned', path)} takes it",
         f"chosen by four folds and judged by the fifth, a choice is worth {worth.difference:+.4f} "
         f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
         *edges,

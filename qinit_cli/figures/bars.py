@@ -95,7 +95,7 @@ def _bars(
             path_effects=halo,
         )
     axes.axhline(0, color="black", linewidth=0.6)
-    axes.set_xticks(range(len(groups)), groups)
+    axes.set_xticks(range(len(groups)), [folded(group, 0.9 * width / len(groups)) for group in groups])
     axes.set_xlim(-0.5, len(groups) - 0.5)
     axes.tick_params(axis="x", length=0)
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from qinit_cli.errors import UsageError
 from qinit_cli.figures import legend
 from qinit_cli.figures.looks import Look, looks
-from qinit_cli.figures.style import COLUMN, TALLEST, plain_numbers
+from qinit_cli.figures.style import COLUMN, TALLEST, folded, plain_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
 
 ALONE, HEIGHT, LEAST = 2.4, 1.75, 1.1  # inches: one panel, one of several, one of many
+TITLED, LINE = (
+    0.4,
+    0.14,
+)  # inches beside a panel's axes: its title and its numbers, a further line of the title
 FEW = 6  # lines, whose bands may be darker
 XLABEL = "episode"
 
@@ -55,9 +59,12 @@ def curves(
     rows = -(-len(panels) // columns)
     alike = len({panel.band for panel in panels}) == 1
     band = f"band: {panels[0].band}" if alike and len(panels) > 1 else ""
-    around = legend.height(labels, width, band) + (0.0 if len(panels) == 1 else 0.3 + (0.2 if title else 0))
-    each = ALONE if len(panels) == 1 else min(HEIGHT, (TALLEST - around) / rows)
-    if each < LEAST:
+    alone = len(panels) == 1
+    titles = [_title(panel, 0.8 * width / columns, band=not alike) for panel in panels]
+    lines = 0 if alone else max(name.count("\n") for name in titles)  # beyond the first
+    around = legend.height(labels, width, band) + (0.0 if alone else 0.3 + (0.2 if title else 0))
+    each = ALONE if alone else min(HEIGHT + LINE * lines, (TALLEST - around) / rows)
+    if each < LEAST + LINE * lines:
         raise UsageError(f"{len(panels)} panels do not fit on a page; draw fewer distributions")
     height = rows * each + around
     figure = Figure(figsize=(width, height))
@@ -65,10 +72,9 @@ def curves(
     own = dict(zip(labels, looks(labels), strict=True))
     for at, (axes, panel) in enumerate(zip(drawn.flat, panels, strict=False)):
         _lines(axes, panel, own)
-        alone = len(panels) == 1
-        axes.set_title(title if alone else panel.title if alike else f"{panel.title}\nband: {panel.band}")
+        axes.set_title(title if alone else titles[at])
         if at % columns == 0:
-            axes.set_ylabel(ylabel)
+            axes.set_ylabel(folded(ylabel, each - (TITLED + LINE * lines) * (not alone)))
         if at + columns >= len(panels):
             axes.set_xlabel(f"{XLABEL} (band: {panel.band})" if alone else XLABEL)
     figure.align_ylabels(list(drawn[:, 0]))
@@ -78,6 +84,11 @@ def curves(
         figure.suptitle(title)
     legend.legend(figure, labels, width, band)
     return figure
+
+
+def _title(panel: Panel, room: float, *, band: bool) -> str:
+    """What stands above one of several panels, in lines of at most `room` inches."""
+    return folded(f"{panel.title}\nband: {panel.band}" if band else panel.title, room)
 
 
 def _across(panels: int, width: float) -> int:

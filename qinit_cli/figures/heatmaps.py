@@ -150,7 +150,9 @@ def _colours(layer: Layer) -> Normalize:
     if layer.logarithmic and positive.size:
         largest = float(positive.max())
         least = max(float(positive.min()), largest / 10**DECADES)
-        return LogNorm(least if least < largest else largest / 10, largest)
+        if least == largest:  # one value alone, in the middle of the scale
+            return LogNorm(least / 10, largest * 10)
+        return LogNorm(least, largest)
     least, largest = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     return Normalize(least, largest) if least < largest else Normalize(least - 0.5, largest + 0.5)
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.names import METRIC_LABELS, listed, number
+from qinit_cli.pictures.names import METRIC_LABELS, legible, listed, number
 from qinit_cli.pictures.order import KINDS, of_kind, ordered
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.figures.bars import Bars
@@ -89,12 +90,12 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
     for at, comparison in enumerate(comparisons):
         if baseline is not None and comparison.baseline is None:
             raise NotAllowed(
-                f"{comparison.title}: no run of {baseline}; qinit transfer {baseline} FIT makes one"
+                f"{comparison.title}: no run of {baseline}; {shell_line('qinit', 'transfer', baseline, 'FIT')} makes one"
             )
         for row in comparison.rows:
             height = row.average if baseline is None else row.difference
             if height is not None:
-                label = f"{row.label} ({row.remark})" if row.remark else row.label
+                label = legible(f"{row.label} ({row.remark})" if row.remark else row.label)
                 heights.setdefault(label, {})[at] = height
     if not heights:
         raise NotAllowed(f"there are runs of {baseline} alone; nothing differs from it")

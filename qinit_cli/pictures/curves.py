@@ -54,16 +54,18 @@ def drawn(
         drawing.Panel(name, _band_words(whole), _lines(whole, groups, metric, smooth))
         for name, whole in zip(names, wholes, strict=True)
     ]
-    own = families(wholes)
+    own, label = families(wholes), METRIC_LABELS[metric]
+    if smooth > 1:
+        label = f"{label},\nmean of the last {smooth} episodes"
     with house_style():
         figure = drawing.curves(
             list(_apart(panels)) if by_kind else panels,
-            METRIC_LABELS[metric],
+            label,
             own if title is None else title,
             width,
             across=len(KINDS) if by_kind else None,
         )
-    return Drawn(figure, title or f"Learning curves, {own}", _alt(panels, METRIC_LABELS[metric]))
+    return Drawn(figure, title or f"Learning curves, {own}", _alt(panels, label.replace("\n", " ")))
 
 
 def _apart(panels: Sequence[Panel]) -> Iterator[Panel]:

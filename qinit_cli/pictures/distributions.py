@@ -7,12 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.pictures.names import distinct, distribution
+from qinit_cli.distinctions import distinctions
+from qinit_cli.pictures.names import distribution
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Tasks
     from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
+
+
+KEY = ("family", "learner", "learning")  # tasks that share these are of one distribution
 
 
 @dataclass
@@ -21,7 +25,6 @@ class Distribution:
 
     family: Family
     spec: dict[str, Any]  # of the first artefact
-    mark: str  # what tells it from another of the same name
     tasks: list[Tasks]  # their parameters, block by block
     found: list[Any]  # what was read of them, block by block
     sets: int  # artefacts that brought tasks
@@ -52,10 +55,8 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
     for path in paths:
         with open_artefact(path, "sources") as artefact:
             spec = artefact.spec
-            key = canonical_json({name: spec[name] for name in ("family", "learner", "learning")})
-            one = found.setdefault(
-                key, Distribution(family_of(spec, artefact.provenance), spec, path.stem[-8:], [], [], 0)
-            )
+            key = canonical_json({name: spec[name] for name in KEY})
+            one = found.setdefault(key, Distribution(family_of(spec, artefact.provenance), spec, [], [], 0))
             before = sum(map(len, one.tasks))
             # equal rows of two seeds are two tasks: those of an exact learner can be
             known = seen.setdefault(f"{key} {spec['seed']}", set())
@@ -67,8 +68,12 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
 
 
 def named(found: Sequence[Distribution]) -> list[str]:
-    """What each is called, told apart."""
-    return distinct([distribution(one.family) for one in found], [one.mark for one in found])
+    """What each is called, with the settings that tell it from the others on a second line."""
+    words = distinctions([{name: one.spec[name] for name in KEY} for one in found])
+    return [
+        "\n".join(filter(None, (distribution(one.family), own)))
+        for one, own in zip(found, words, strict=True)
+    ]
 
 
 def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> list[str]:

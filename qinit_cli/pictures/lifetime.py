@@ -7,9 +7,10 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from qinit_cli.distinctions import distinctions, with_words
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.names import listed
+from qinit_cli.pictures.names import legible, listed
 
 if TYPE_CHECKING:
     from qinit_cli.figures.drawn import Drawn
@@ -29,18 +30,20 @@ def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, widt
     from qinit_cli.figures import lifetime as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
+    from qinit_store.reading import describe
 
     if len(paths) > MOST:
         raise UsageError(f"{len(paths)} runs do not fit; draw at most {MOST}")
     notes: list[str] = []
-    shown = [_lived(path, store, notes) for path in paths]
+    words = distinctions([describe(path).spec for path in paths])
+    shown = [_lived(path, own, store, notes) for path, own in zip(paths, words, strict=True)]
     own = "returns of tasks that are learned one after another"
     with house_style():
         figure = drawing.lifetime(shown, own if title is None else title, WINDOW, width)
     return Drawn(figure, title or own, _alt(shown), tuple(dict.fromkeys(notes)))
 
 
-def _lived(path: Path, store: Store, notes: list[str]) -> Lived:
+def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
     import numpy as np
 
     from qinit_cli.analysis import returns
@@ -49,7 +52,8 @@ def _lived(path: Path, store: Store, notes: list[str]) -> Lived:
     from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
-        label = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"
+        named = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"
+        label = legible(with_words(named, words))
         gamma = float(artefact.spec["learning"]["gamma"])
         reached = artefact.read("reached").astype(bool)
         earned = returns.discounted_returns(artefact.read("steps"), reached, gamma).mean(axis=1)

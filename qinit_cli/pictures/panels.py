@@ -7,17 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from qinit_cli.distinctions import distinctions, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
 from qinit_cli.pictures.names import marked
+from qinit_cli.stages.source_sets import READ_NO_SOURCES
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Floats
+    from qinit_cli.arrays import Floats, Integers
     from qinit_cli.environments import Family
     from qinit_cli.methods import Method
+    from qinit_store.reading import Artefact
 
 START_LABEL = "initial value, largest over actions (discounted return)"
 
@@ -28,9 +31,12 @@ class Panels:
 
     family: Family
     fit: str  # its content hash
-    origin: str  # what tells it from another of the same family
+    spec: dict[str, Any]  # its settings, as far as they are known
     label: str  # what the tables hold, with its unit
-    tables: dict[str, Floats] = field(default_factory=dict)  # (S,) by method, or by the quantity's name
+    tables: dict[str, Floats]  # (S,) by method, or by the quantity's name
+    runs: dict[str, dict[str, Any]] = field(
+        default_factory=dict
+    )  # the settings of the runs that brought tables
 
 
 def read_panels(
@@ -55,7 +61,8 @@ def read_panels(
             case "fit", _:
                 panels = _table(path, quantity)
             case "run", "start":
-                panels = _start(path)
+                fits = [other for other, its in zip(paths, kinds, strict=True) if its == "fit"]
+                panels = _start(path, fits, notes)
             case _:
                 wanted = "a fit or a run" if quantity == "start" else f"a fit, which alone has {quantity}"
                 raise NotAllowed(f"{path} holds {kind}; wanted {wanted}")
@@ -101,15 +108,29 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
     tables = {}
     for method in methods:
         try:
-            start = method().initial(known.fit, nobody).start
+            found = method()
+            start = found.initial(known.fit, nobody).start
         except NotAllowed as refusal:
             if notes is None:
                 raise
             notes.append(f"{method.name} is left out: {refusal}")
         else:
-            tables[marked(method.name, method.name)] = start.max(axis=-1)
-    seed = known.spec["sources"]["seed"]
-    return Panels(known.family, known.content_sha256, f"seed {seed}", START_LABEL, tables)
+            tables[marked(method.name, method.name)] = _largest(start, found.label, known.fit.n)
+    return Panels(known.family, known.content_sha256, known.spec, START_LABEL, tables)
+
+
+def _largest(start: Floats, label: str, n: Integers) -> Floats:
+    """The start (S, A) of the method of that label, largest over the actions, (S,).
+
+    NaN where that is no source's: where none of `n` (S, A) has a value, a method that reads sources stands in with a bound.
+    """
+    import numpy as np
+
+    largest: Floats = start.max(axis=-1)
+    if label.partition(" ")[0] in READ_NO_SOURCES:
+        return largest
+    known = ((start == largest[:, None]) & (n > 0)).any(axis=-1)
+    return np.where(known, largest, np.nan)
 
 
 def _table(path: Path, quantity: str) -> Panels:
@@ -124,46 +145,87 @@ def _table(path: Path, quantity: str) -> Panels:
         [column] = [column for column in artefact.schema.static_columns if column.name == name]
         values = artefact.read(name).astype(np.float64)
         mean = artefact.read("mean")
-        sources = artefact.spec["sources"]
         greedy = np.where(np.isnan(mean), -np.inf, mean).argmax(axis=-1)
         table = np.take_along_axis(values, greedy[..., None], axis=-1).ravel()
         unit = "" if column.unit == "1" else f" ({column.unit}s)"
         label = f"{column.long_name}{unit}, action of the largest mean"
         return Panels(
-            family_of(sources, artefact.provenance),
+            family_of(artefact.spec["sources"], artefact.provenance),
             artefact.content_sha256,
-            f"seed {sources['seed']}",
+            artefact.spec,
             label,
             {quantity: table},
         )
 
 
-def _start(path: Path) -> Panels:
-    """The start of a run, largest over the actions; that of a method which has one for each target is their mean."""
+def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
+    """The start of a run, largest over the actions; that of a method which has one for each target is their mean.
+
+    What no source knows its fit tells, if that is among `fits` or where the run's store has it; else a note says so.
+    """
     from qinit_cli.environments import family_of
     from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
         fit, method = artefact.spec["inputs"][0], artefact.spec["method"]
         label = marked(method["label"], method["name"])
-        start = artefact.read("start").max(axis=-1)
+        start = artefact.read("start")
         if any(column.name == "start" for column in artefact.schema.task_columns):
-            start, label = start.mean(axis=0), f"{label}, mean of targets"
+            largest, label = start.max(axis=-1).mean(axis=0), f"{label}, mean of targets"
+        else:
+            n = _sources_with_a_value(artefact, fits, notes)
+            largest = _largest(start.reshape(-1, start.shape[-1]), method["label"], n)
         return Panels(
             family_of(artefact.spec, artefact.provenance),
             fit,
-            f"fit {fit[:8]}",
+            _fit_of(artefact.spec["source_set"]),
             START_LABEL,
-            {label: start.ravel()},
+            {label: largest.ravel()},
+            {label: artefact.spec},
         )
 
 
+def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str]) -> Integers:
+    """How many sources know each entry of the fit that a run started from, (S, A); 1 of each, and a note, where there is none."""
+    import numpy as np
+
+    from qinit_store.catalog import FOLDERS, NAME
+    from qinit_store.reading import describe, open_artefact
+
+    [content] = run.spec["inputs"]
+    name = next((str(one["name"]) for one in run.inputs if one.get("role") == "fit"), "")
+    beside = [run.path.with_name(f"{name}.h5"), run.path.parent.parent / FOLDERS["fit"] / f"{name}.h5"]
+    for path in (*fits, *(beside if NAME.fullmatch(name) else ())):
+        if path.is_file() and describe(path).content_sha256 == content:
+            with open_artefact(path, "fit") as fit:
+                n = fit.read("n")
+                return n.reshape(-1, n.shape[-1])
+    if run.spec["method"]["label"].partition(" ")[0] not in READ_NO_SOURCES:
+        notes.append(
+            f"{run.path}: what no source knows is not grey, for its fit is neither given nor beside it"
+        )
+    return np.ones(1, np.int32)
+
+
+def _fit_of(source_set: dict[str, Any]) -> dict[str, Any]:
+    """What a run tells of its fit: all that its replicates share."""
+    of_sources = ("family", "learner", "learning", "tasks")
+    sources = {name: source_set[name] for name in of_sources if name in source_set}
+    own = {name: value for name, value in source_set.items() if name not in (*of_sources, "sources")}
+    return {"kind": "fit", "sources": sources, **own}
+
+
 def _add(column: Panels, more: Panels, path: Path) -> None:
-    """Adds the tables of `more`, what stands there already but once, and other tables of the same name under the artefact's."""
+    """Adds the tables of `more`, what stands there already but once, and other tables of the same name under what differs.
+
+    Where no setting does, under the end of the artefact's name.
+    """
     import numpy as np
 
     for name, table in more.tables.items():
         if name not in column.tables:
             column.tables[name] = table
+            column.runs.update(more.runs)
         elif not np.array_equal(column.tables[name], table):
-            column.tables[f"{name} {path.stem[-8:]}"] = table
+            words = name in column.runs and distinctions([column.runs[name], more.runs[name]])[1]
+            column.tables[with_words(name, words) if words else f"{name} {path.stem[-8:]}"] = table

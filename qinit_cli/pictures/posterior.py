@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.distinctions import distinctions, with_words
+from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
-from qinit_cli.pictures.names import listed
+from qinit_cli.pictures.names import legible, listed
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -25,23 +27,30 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
     from qinit_cli.figures import posterior as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
+    from qinit_store.spec import canonical_json
 
     groups: dict[str, list[tuple[Integers, Floats, int]]] = {}
+    specs: dict[str, dict[str, Any]] = {}
     for path in paths:
-        label, found = _read(path)
-        groups.setdefault(label, []).append(found)
+        spec, found = _read(path)
+        key = canonical_json(spec)
+        specs[key] = spec
+        groups.setdefault(key, []).append(found)
     if len(groups) > MOST:
         raise UsageError(f"{len(groups)} methods and distributions do not fit; draw at most {MOST}")
-    shown = [_weighed(label, found) for label, found in groups.items()]
+    labels = [
+        legible(with_words(f"{spec['method']['label']}, {label_of(spec)}", words))
+        for spec, words in zip(specs.values(), distinctions(list(specs.values())), strict=True)
+    ]
+    shown = [_weighed(label, found) for label, found in zip(labels, groups.values(), strict=True)]
     own = "weights of source tables while targets are learned"
     with house_style():
         figure = drawing.posterior(shown, own if title is None else title, BAND, width)
     return Drawn(figure, title or own, _alt(shown, groups))
 
 
-def _read(path: Path) -> tuple[str, tuple[Integers, Floats, int]]:
-    """What the run is called, its moments (R,) and weights (T, R, K), and how many of its targets never froze."""
-    from qinit_cli.environments import family_of
+def _read(path: Path) -> tuple[dict[str, Any], tuple[Integers, Floats, int]]:
+    """What replicates of the run share, its moments (R,) and weights (T, R, K), and how many of its targets never froze."""
     from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
@@ -49,9 +58,14 @@ def _read(path: Path) -> tuple[str, tuple[Integers, Floats, int]]:
             raise NotAllowed(
                 f"{path} keeps no weights: it is a run of {artefact.spec['method']['name']}, not of posterior"
             )
-        label = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"
+        shared = {
+            name: value for name, value in artefact.spec.items() if name not in ("seed", "inputs", "tasks")
+        }
+        shared["source_set"] = {
+            name: value for name, value in artefact.spec["source_set"].items() if name != "sources"
+        }
         moments = artefact.axes["moment"].values
-        return label, (moments, artefact.read("weight"), int((artefact.read("frozen") < 0).sum()))
+        return shared, (moments, artefact.read("weight"), int((artefact.read("frozen") < 0).sum()))
 
 
 def _weighed(label: str, found: list[tuple[Integers, Floats, int]]) -> Weighed:

@@ -38,7 +38,7 @@ def tables(compared: Compared) -> Iterator[Block]:
     for targets, rows in _by_targets(compared):
         over, baseline = _told(compared, targets)
         known = [key for key in _measures(rows) if any(row[key] is not None for row in rows)]
-        first = [key for key in (_metric(rows), *FOREMOST) if key in known]
+        first = [key for key in dict.fromkeys((_metric(rows), *FOREMOST)) if key in known]
         rest = [key for key in known if key not in first]
         marks = [MEANINGS[mark] for mark in MARKS if any(mark in row["remark"] for row in rows)]
         steps = [RESTRICTED] if "restricted_steps" in first else []

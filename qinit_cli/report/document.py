@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from qinit_cli.report import comparison, judged, origin, settings
+from qinit_cli.report import comparison, judged, origin, settings, tuned
 from qinit_cli.report.content import Block, Figure, Page, Pairs, Points, Section, Subheading, Text
 from qinit_cli.report.numbers import counted
+
+NAMES = {  # of the kinds, in the order of the pipeline: one, several
+    "sources": ("set of sources", "sets of sources"),
+    "fit": ("fit", "fits"),
+    "run": ("run", "runs"),
+    "tuning": ("tuning", "tunings"),
+}
 
 
 @dataclass(frozen=True)
@@ -20,10 +28,12 @@ class Material:
     made: Sequence[tuple[str, str]]  # how, where that is known as a whole
     artefacts: Sequence[dict[str, Any]]  # see `origin.Described`; with "spec"
     compared: Sequence[tuple[str, dict[str, Any]]]  # title, and what qinit compare --format json prints
+    tuned: Sequence[tuned.Tuned]
     verdicts: Sequence[dict[str, Any]]  # as qinit verdicts --format json has them
     figures: Sequence[Figure]
     undrawn: Sequence[str]  # what is not in them, and why
     absent: Sequence[str]  # what is not among the artefacts, and why
+    of_claims: bool  # whether the paper's claims are what was asked; else they follow what was compared
 
 
 def page(material: Material, maker: str) -> Page:
@@ -33,11 +43,16 @@ def page(material: Material, maker: str) -> Page:
 
 
 def _sections(material: Material) -> Iterator[Section]:
+    verdicts = Section("verdicts", "Verdicts", judged.blocks(material.verdicts) if material.verdicts else [])
     yield Section("in-short", "In short", _in_short(material))
-    yield Section("verdicts", "Verdicts", judged.blocks(material.verdicts) if material.verdicts else [])
+    if material.of_claims:
+        yield verdicts
     yield Section("comparisons", "Comparisons", list(_compared(material)))
+    yield Section("tuning", "Tuning", list(tuned.blocks(material.tuned)))
     missing: list[Block] = [Text("Not drawn:"), Points(material.undrawn)] if material.undrawn else []
     yield Section("figures", "Figures", [*material.figures, *missing])
+    if not material.of_claims:
+        yield verdicts
     yield Section("settings", "Settings", settings.blocks([one["spec"] for one in material.artefacts]))
     yield Section(
         "provenance",
@@ -54,19 +69,12 @@ def _compared(material: Material) -> Iterator[Block]:
 
 
 def _in_short(material: Material) -> list[Block]:
-    found = [
-        *judged.findings(material.verdicts),
-        *(said for _, one in material.compared for said in comparison.findings(one)),
-    ]
-    count = dict.fromkeys(("sources", "fit", "run"), 0)
-    for artefact in material.artefacts:
-        count[artefact["kind"]] += 1
-    names = {"sources": "set", "fit": "fit", "run": "run"}
-    rests = ", ".join(
-        f"{counted(number, names[kind])}{' of sources' if kind == 'sources' else ''}"
-        for kind, number in count.items()
-        if number
-    )
+    claims = judged.findings(material.verdicts)
+    compared = [said for _, one in material.compared for said in comparison.findings(one)]
+    found = [*claims, *compared] if material.of_claims else [*compared, *claims]
+    found += [one["sentences"][0] for one in material.tuned]
+    count = Counter(artefact["kind"] for artefact in material.artefacts)
+    rests = ", ".join(counted(count[kind], *names) for kind, names in NAMES.items() if count[kind])
     return [
         *([Points(found)] if found else []),
         *([Text(comparison.WORSE)] if any("worse" in said for said in found) else []),

@@ -41,7 +41,8 @@ def findings(verdicts: Sequence[Verdict]) -> list[str]:
         for answer, words in SAID.items()
         if (claims := [one["claim"] for one in verdicts if one["verdict"] == answer])
     ]
-    return [f"Of the paper's {len(verdicts)} claims {'; '.join(parts)}."]
+    whole = f"{len(verdicts)} " if any(one["verdict"] == UNJUDGED for one in verdicts) else ""
+    return [f"Of the paper's {whole}claims {'; '.join(parts)}."]
 
 
 def _judgement(one: Verdict) -> Judgement:

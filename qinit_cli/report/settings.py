@@ -17,6 +17,7 @@ HEADINGS = {
     "fits": "Fits",
     "target tasks": "Target tasks",
     "methods": "Methods",
+    "tunings": "Tunings",
 }
 FITTED = ("estimator", "library", "holdout", "exclude_unlearned")  # what a run tells of its fit
 FIRST = ("method", "family", "learner")
@@ -37,13 +38,16 @@ def _parts(specs: Sequence[Spec]) -> dict[str, list[Settings]]:
     fits = [spec for spec in specs if spec["kind"] == "fit"]
     runs = [spec for spec in specs if spec["kind"] == "run"]
     sets = [run["source_set"] for run in runs]
-    sources = [spec for spec in specs if spec["kind"] == "sources"] or [fit["sources"] for fit in fits]
+    sources = [spec for spec in specs if spec["kind"] == "sources"] or [
+        spec["sources"] for spec in specs if "sources" in spec
+    ]
     of_fits = [{name: one[name] for name in FITTED if name in one} for one in sets]
     return {
         "source tasks": [_flat(spec) for spec in sources] or [_flat(one, (*UNTOLD, *FITTED)) for one in sets],
         "fits": [_flat(spec) for spec in fits or of_fits],
         "target tasks": [_flat(spec) for spec in runs],
         "methods": [_method(run["method"]) for run in runs],
+        "tunings": [_method(spec["method"]) | _flat(spec) for spec in specs if spec["kind"] == "tuning"],
     }
 
 

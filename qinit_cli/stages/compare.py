@@ -9,13 +9,14 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from qinit_cli.analysis.permutation import can_be_small, fewest_units
+from qinit_cli.distinctions import OF_SOURCES, Settings, joined, with_words
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.runs import Run
 from qinit_cli.stages.estimates import Chance, Estimate, Estimates, estimates
 from qinit_cli.stages.scores import Metric, Scores, attainable, scores
-from qinit_cli.stages.source_sets import Entry, Group, grouped
+from qinit_cli.stages.source_sets import Entry, Group, grouped, told_of_groups
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -56,7 +57,11 @@ def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparis
     `baseline` is a method's label or an artefact's name; "" for averages alone. One source set: intervals over targets.
     Several: over sets and targets, both resampled where the targets are shared, targets within sets where each has its own.
     """
-    comparisons = [_comparison(group, baseline, metric) for group in grouped(runs)]
+    groups = grouped(runs)
+    comparisons = [
+        _comparison(group, title, baseline, metric)
+        for group, title in zip(groups, _titles(groups), strict=True)
+    ]
     _check_baseline(comparisons, baseline)
     return comparisons
 
@@ -70,7 +75,7 @@ def remark(method: str) -> str:
     return ", ".join(name for name, holds in remarks.items() if holds)
 
 
-def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
+def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Comparison:
     from qinit_store.spec import canonical_json
 
     base = _baseline(group, baseline)
@@ -84,7 +89,7 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
     rows = [_row(entry, None if entry is base else base, metric, scored, chance) for entry in group.entries]
     targets, episodes = group.any_run.steps.shape
     return Comparison(
-        title=_title(group, targets, episodes),
+        title=title,
         distribution=canonical_json(group.any_run.spec["family"]),
         intervals=_intervals(group),
         sets=group.sets,
@@ -96,9 +101,29 @@ def _comparison(group: Group, baseline: str, metric: Metric) -> Comparison:
     )
 
 
-def _title(group: Group, targets: int, episodes: int) -> str:
+def _titles(groups: Sequence[Group]) -> list[str]:
+    """What each comparison is of, no two alike: where no setting tells them apart, by the targets' digest."""
+    titles = [_title(group, words) for group, words in zip(groups, told_of_groups(groups), strict=True)]
+    return [
+        with_words(title, f"targets {group.any_run.target_digest[:8]}") if titles.count(title) > 1 else title
+        for group, title in zip(groups, titles, strict=True)
+    ]
+
+
+def _title(group: Group, words: Settings) -> str:
+    """The distribution, `words` but for what is told of the targets, and the targets."""
+    targets, episodes = group.any_run.steps.shape
     anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
-    label, counted = label_of(group.any_run.spec), f"{episodes} {group.any_run.unit}{anywhere}"
+    counted = f"{episodes} {group.any_run.unit}{anywhere}"
+    said = {"seed", "tasks", "learning start"} | (
+        {"learning episodes"} if group.any_run.unit == "episodes" else set()
+    )
+    others = {
+        key: word
+        for key, word in words.items()
+        if key.startswith(OF_SOURCES) or key.partition(" ")[2] not in said
+    }
+    label = with_words(label_of(group.any_run.spec), joined(others))
     if not group.shared:
         return f"{label}, {group.sets} source sets, {targets} targets of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "

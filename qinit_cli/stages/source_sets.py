@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from qinit_cli.distinctions import OF_METHOD, OF_RECORD, Settings, joined, settings, told_apart, with_words
 from qinit_cli.errors import NotAllowed
 from qinit_cli.runs import Run
 
@@ -23,7 +24,7 @@ READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median read
 class Entry:
     """One method with one choice of options: its runs, one for each source set."""
 
-    label: str
+    label: str  # the method, with the settings that tell it from the others it is shown with
     runs: tuple[Run, ...]
 
     @property
@@ -43,7 +44,13 @@ class Entry:
     @property
     def reads_no_sources(self) -> bool:
         """Whether the method would be the same whatever the sources are."""
-        return self.runs[0].label.split()[0] in READ_NO_SOURCES
+        return _reads_no_sources(self.runs[0])
+
+    @property
+    def settings(self) -> Settings:
+        """What all of its runs share."""
+        found = [settings(run.spec, reads_sources=not self.reads_no_sources) for run in self.runs]
+        return {key: word for key, word in found[0].items() if all(one.get(key) == word for one in found)}
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,62 @@ def grouped(runs: Sequence[Run]) -> list[Group]:
     once = list({run.name: run for run in runs}.values())
     for met in _by(once, lambda run: run.target_digest):
         _expect_equal_values(met)
-    return [group for same in _by(once, _distribution) for group in _groups(same)]
+    return _labelled([group for same in _by(once, _distribution) for group in _groups(same)])
+
+
+def told_of_groups(groups: Sequence[Group]) -> list[Settings]:
+    """What tells each group from the others: settings in which the methods of none differ."""
+    varying = _varying(groups)
+    shared = [
+        {
+            key: word
+            for entry in group.entries
+            for key, word in entry.settings.items()
+            if _of_group(key, varying)
+        }
+        for group in groups
+    ]
+    return told_apart(shared)
+
+
+def _varying(groups: Sequence[Group]) -> set[str]:
+    """The settings in which methods of one group differ."""
+    return {
+        key
+        for group in groups
+        for words in told_apart([one.settings for one in group.entries])
+        for key in words
+    }
+
+
+def _of_group(key: str, varying: set[str]) -> bool:
+    return key not in varying and not key.startswith((OF_METHOD, OF_RECORD))
+
+
+def _labelled(groups: list[Group]) -> list[Group]:
+    """The groups, their methods with the settings that tell them apart, copies with what they keep or the end of their name."""
+    varying = _varying(groups)
+    apart = iter(told_apart([entry.settings for group in groups for entry in group.entries]))
+    return [
+        replace(group, entries=_distinct([(entry, next(apart)) for entry in group.entries], varying))
+        for group in groups
+    ]
+
+
+def _distinct(entries: Sequence[tuple[Entry, Settings]], varying: set[str]) -> tuple[Entry, ...]:
+    kept = [{key: word for key, word in words.items() if key.startswith(OF_RECORD)} for _, words in entries]
+    labels = [
+        with_words(
+            entry.label,
+            joined(
+                {k: w for k, w in words.items() if not k.startswith(OF_RECORD) and not _of_group(k, varying)}
+            ),
+        )
+        for entry, words in entries
+    ]
+    labels = _where_equal(labels, [f", {joined(words)}" if words else "" for words in kept])
+    labels = _where_equal(labels, [f" {entry.runs[0].name[-8:]}" for entry, _ in entries])
+    return tuple(replace(entry, label=label) for (entry, _), label in zip(entries, labels, strict=True))
 
 
 def _expect_equal_values(runs: list[Run]) -> None:
@@ -85,6 +147,12 @@ def _expect_equal_values(runs: list[Run]) -> None:
                 f"{expected[place]:.6g} in one and {values[place]:.6g} in the other: their environments were not the "
                 "same, by their version or by chance that no seed reaches; transfer both again"
             )
+
+
+def _where_equal(labels: Sequence[str], ends: Sequence[str]) -> list[str]:
+    """The labels, those that stand there twice with their ends."""
+    count = Counter(labels)
+    return [label + end if count[label] > 1 else label for label, end in zip(labels, ends, strict=True)]
 
 
 def _groups(runs: list[Run]) -> list[Group]:
@@ -104,24 +172,22 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
         copies[run.name] = earlier[same]
         earlier[same] += 1
     variants = _by(runs, lambda run: (_options(run), copies[run.name]))
-    count = Counter(variant[0].label for variant in variants)
     return tuple(
         Entry(
-            _label(variant[0], count),
+            variant[0].label,
             tuple(sorted(variant, key=lambda run: (run.target_digest, run.source_set))),
         )
         for variant in variants
     )
 
 
-def _label(run: Run, count: Counter[str]) -> str:
-    """The method; where several choices of its options are compared, with the end of an artefact's name."""
-    return run.label if count[run.label] == 1 else f"{run.label} {run.name[-8:]}"
-
-
 def _options(run: Run) -> tuple[str, str, str, str]:
-    fitted = {} if run.label.split()[0] in READ_NO_SOURCES else run.fitted
+    fitted = {} if _reads_no_sources(run) else run.fitted
     return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
+
+
+def _reads_no_sources(run: Run) -> bool:
+    return run.label.partition(" ")[0] in READ_NO_SOURCES
 
 
 def _sets(runs: Sequence[Run]) -> int:

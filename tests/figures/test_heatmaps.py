@@ -114,7 +114,7 @@ def test_distributions_stand_in_columns_and_methods_in_rows(
 ) -> None:
     figure = drawn("heatmaps", pipeline.fit, uniform, "--method", "mean", "--method", "maxqinit", "--bare")
     panels = [axes for axes in figure.axes if axes.images]
-    assert [axes.get_title() for axes in panels] == ["6 variance 2", "6 uniform", "", ""]
+    assert [axes.get_title() for axes in panels] == ["6 variance 2\nq-learning", "6 uniform\nexact", "", ""]
     assert [axes.get_ylabel().split("\n")[0] for axes in panels] == ["mean", "", "maxqinit", ""]
     for axes, path in zip(panels[:2], (pipeline.fit, uniform), strict=True):
         expected = np.nan_to_num(_stored(path, "mean")).max(axis=-1)

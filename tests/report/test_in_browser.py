@@ -91,8 +91,21 @@ def test_on_a_phone_letters_are_legible(pages: Mapping[str, Path], opened: Open)
         ".map(each => parseFloat(getComputedStyle(each).fontSize)))"
     )
     assert smallest >= 13
-    # a picture as wide as a page is moved sideways rather than made illegible
-    assert page.locator("figure svg").first.bounding_box()["width"] >= 500
+
+
+@every_page
+def test_on_a_phone_every_picture_is_seen_whole(name: str, pages: Mapping[str, Path], opened: Open) -> None:
+    page = opened(pages[name], PHONE)
+    page.evaluate(UNFOLD)
+    shown = page.evaluate(
+        "[...document.querySelectorAll('figure svg')].map(each => [each.getBoundingClientRect(), each.viewBox.baseVal])"
+        ".map(([box, view]) => [box.left, box.right, box.width / box.height, view.width / view.height])"
+    )
+    assert shown
+    for left, right, shape, drawn in shown:
+        assert 0 <= left < right <= PHONE
+        assert right - left > 0.85 * PHONE
+        assert shape == pytest.approx(drawn, rel=0.01)
 
 
 @every_page

@@ -200,7 +200,7 @@ def test_fits_of_the_same_sources_are_options_not_replicates() -> None:
     ]
     [comparison] = compare([ZERO, *twice], "zero", "return")
     assert comparison.sets == 1
-    assert [row.label for row in comparison.rows] == ["zero", "maxqinit run-mle", "maxqinit un-umvue"]
+    assert [row.label for row in comparison.rows] == ["zero", "maxqinit, mle", "maxqinit, umvue"]
 
 
 def test_a_method_that_reads_its_sources_is_no_baseline_for_other_sets() -> None:

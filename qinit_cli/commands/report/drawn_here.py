@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
@@ -18,31 +19,51 @@ NAMED = 4  # distributions and methods that a sentence names; more are counted
 
 
 def material(paths: Sequence[Path], title: str | None, question: str | None, baseline: str) -> Material:
-    """What the page is made of, in the order sources, fits, runs."""
+    """What the page is made of, in the order sources, fits, runs, tunings; NotAllowed for a kind that no page shows."""
     from qinit_cli.commands.compare import read_runs
     from qinit_cli.commands.report.described import described
     from qinit_cli.commands.report.pictures import figures
     from qinit_cli.commands.report.verdicts import judged
-    from qinit_cli.report.document import Material
+    from qinit_cli.report.document import NAMES, Material
+    from qinit_cli.report.judged import UNJUDGED
 
     artefacts = described(paths)
-    kinds = {
-        kind: {path: told for path, told in artefacts.items() if told["kind"] == kind}
-        for kind in ("sources", "fit", "run")
-    }
+    for path, told in artefacts.items():
+        if told["kind"] not in NAMES:
+            raise NotAllowed(f"{path} is a {told['kind']}, which no page shows; it shows {', '.join(NAMES)}")
+    kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in NAMES}
     runs = read_runs([str(path) for path in kinds["run"]], "") if kinds["run"] else []
-    drawn, undrawn = figures(kinds["sources"], kinds["fit"], runs)
+    drawn, undrawn = figures(kinds, runs)
     return Material(
         title=title or _title(artefacts),
-        question=question or _question(runs, baseline),
+        question=question or _question(runs, baseline, tuned=bool(kinds["tuning"])),
         made=[],
         artefacts=[told for kind in kinds.values() for told in kind.values()],
         compared=[("", _compared(runs, baseline))] if runs else [],
-        verdicts=judged(artefacts),
+        tuned=[_tuned(path) for path in kinds["tuning"]],
+        verdicts=[one for one in judged(artefacts) if one["verdict"] != UNJUDGED],
         figures=drawn,
         undrawn=undrawn,
         absent=[],
+        of_claims=False,
     )
+
+
+def _tuned(path: Path) -> dict[str, Any]:
+    """What choosing parameters found."""
+    from qinit_cli.commands.tune import row, sentences
+    from qinit_cli.fields import flag
+    from qinit_cli.stages.tuning import Choice
+    from qinit_store.reading import open_artefact
+
+    with open_artefact(path, "tuning") as artefact:
+        choice = Choice.of(artefact)
+    return {
+        "title": choice.label,
+        "sentences": sentences(choice, path),
+        "parameters": {name: flag(name) for name in choice.names},
+        "rows": [row(one) for one in choice.candidates],
+    }
 
 
 def _compared(runs: list[Run], baseline: str) -> dict[str, Any]:
@@ -68,7 +89,9 @@ def _title(artefacts: Described) -> str:
     return f"Initial values from solved tasks: {'; '.join(named)}"
 
 
-def _question(runs: list[Run], baseline: str) -> str:
+def _question(runs: list[Run], baseline: str, *, tuned: bool) -> str:
+    if not runs and tuned:
+        return "Which parameters are best, as far as the sources tell?"
     methods = list(dict.fromkeys(run.label for run in runs if run.label != baseline))
     if not methods:
         return "What do source tasks know of new ones: how long are their paths, and are their values log-normal?"

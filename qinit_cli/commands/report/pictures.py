@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.distinctions import distinctions, joined, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 
 if TYPE_CHECKING:
@@ -15,7 +17,8 @@ if TYPE_CHECKING:
     from qinit_cli.runs import Run
 
 Described = dict[Path, dict[str, Any]]
-Planned = tuple[str, Callable[[], "Drawn"]]  # what stands beneath a picture, and what draws it
+# what stands beneath a picture, the settings that tell it from others of its title, and what draws it
+Planned = tuple[str, str, Callable[[], "Drawn"]]
 
 FIRST = "Of several source sets of a distribution the first is shown."
 CAPTIONS = {
@@ -27,63 +30,85 @@ CAPTIONS = {
     "normality": "The test's statistic and its raw p in each state. A p that does not reject is no evidence of normality.",
     "curves": "Each point is the mean of the last 20 episodes, over targets and source sets.",
     "bars": "Means over all episodes.",
+    "tuning": "Return on the sources minus that of the method as it is by default, each source in the place of a target.",
 }
 
 
-def figures(sources: Described, fits: Described, runs: list[Run]) -> tuple[list[Figure], list[str]]:
-    """The pictures in the order of the pipeline, and what is not in them and why."""
+def figures(kinds: Mapping[str, Described], runs: list[Run]) -> tuple[list[Figure], list[str]]:
+    """The pictures, those of runs first, then in the order of the pipeline, and what is not in them and why."""
     from qinit_cli.report.content import Figure
 
-    drawn, undrawn = [], list[str]()
-    for caption, draw in (*_of_sources(sources), *_of_fits(fits), *_of_runs(runs)):
+    drawn, undrawn = list[tuple[Figure, str]](), list[str]()
+    planned = (
+        *_of_runs(runs),
+        *_of_sources(kinds["sources"]),
+        *_of_fits(kinds["fit"]),
+        *_of_tunings(kinds["tuning"]),
+    )
+    for caption, words, draw in planned:
         try:
             picture = draw()
         except (NotAllowed, UsageError) as refusal:
             undrawn.append(str(refusal))
         else:
             undrawn += picture.notes
-            drawn.append(Figure(picture.title, caption, picture.alt, picture.svg()))
-    return drawn, undrawn
+            drawn.append((Figure(picture.title, caption, picture.alt, picture.svg()), words))
+    titles = [figure.title for figure, _ in drawn]
+    return [
+        replace(figure, title=with_words(figure.title, words)) if titles.count(figure.title) > 1 else figure
+        for figure, words in drawn
+    ], undrawn
 
 
 def _of_sources(sources: Described) -> Iterator[Planned]:
     from qinit_cli.pictures import eopl, histograms
 
     for same in _alike(sources, _states).values():
-        yield CAPTIONS["eopl"], partial(eopl.drawn, same)
-    for path, caption in _firsts(sources, "histograms"):
-        yield caption, partial(histograms.drawn, path)
+        yield CAPTIONS["eopl"], "", partial(eopl.drawn, same)
+    for path, caption, words in _firsts(sources, "histograms"):
+        yield caption, words, partial(histograms.drawn, path)
 
 
 def _of_fits(fits: Described) -> Iterator[Planned]:
     from qinit_cli.pictures import heatmaps, normality
 
-    firsts = dict(_firsts(fits, "heatmaps"))
+    firsts = {path: caption for path, caption, _ in _firsts(fits, "heatmaps")}
     for same in _alike({path: fits[path] for path in firsts}, _states).values():
         caption = next((firsts[path] for path in same if FIRST in firsts[path]), firsts[same[0]])
-        yield caption, partial(heatmaps.drawn, same)
-    for path, caption in _firsts(fits, "normality"):
+        yield caption, "", partial(heatmaps.drawn, same)
+    for path, caption, words in _firsts(fits, "normality"):
         if fits[path]["spec"]["normality"] != "none":
-            yield caption, partial(normality.drawn, path)
+            yield caption, words, partial(normality.drawn, path)
 
 
 def _of_runs(runs: list[Run]) -> Iterator[Planned]:
     from qinit_cli.pictures import bars, curves
-    from qinit_cli.stages.source_sets import grouped
+    from qinit_cli.stages.source_sets import grouped, told_of_groups
 
     families: dict[str, list[Run]] = {}
-    for group in grouped(runs):
+    groups = grouped(runs)
+    for group, words in zip(groups, told_of_groups(groups), strict=True):
         same = [run for entry in group.entries for run in entry.runs]
         families.setdefault(group.any_run.spec["family"]["name"], []).extend(same)
-        yield CAPTIONS["curves"], partial(curves.drawn, same)
+        yield CAPTIONS["curves"], joined(words), partial(curves.drawn, same)
     for same in families.values():
-        yield CAPTIONS["bars"], partial(bars.drawn, same)
+        yield CAPTIONS["bars"], "", partial(bars.drawn, same)
 
 
-def _firsts(artefacts: Described, picture: str) -> Iterable[tuple[Path, str]]:
-    """The first source set of each distribution and choice of options, with what stands beneath its picture."""
-    for same in _alike(artefacts, _choice).values():
-        yield same[0], f"{CAPTIONS[picture]} {FIRST}" if len(same) > 1 else CAPTIONS[picture]
+def _of_tunings(tunings: Described) -> Iterator[Planned]:
+    from qinit_cli.pictures import tuning
+
+    words = distinctions([told["spec"] for told in tunings.values()])
+    for path, own in zip(tunings, words, strict=True):
+        yield CAPTIONS["tuning"], own, partial(tuning.drawn, path)
+
+
+def _firsts(artefacts: Described, picture: str) -> Iterable[tuple[Path, str, str]]:
+    """The first source set of each distribution and choice of options, what stands beneath its picture, and what differs."""
+    alike = list(_alike(artefacts, _choice).values())
+    words = distinctions([artefacts[same[0]]["spec"] for same in alike])
+    for same, own in zip(alike, words, strict=True):
+        yield same[0], f"{CAPTIONS[picture]} {FIRST}" if len(same) > 1 else CAPTIONS[picture], own
 
 
 def _alike(artefacts: Described, key: Callable[[dict[str, Any]], str]) -> dict[str, list[Path]]:
