@@ -188,9 +188,13 @@ def add_each(
 def _artefact_names(context: typer.Context, arguments: list[str], incomplete: str) -> list[str]:
     """Names in the store that begin so, for the shell's completion."""
     from qinit_store.catalog import Store
+    from qinit_store.errors import SystemFailed
 
     root = context.params.get("store") or os.environ.get("QINIT_STORE", "qinit-store")
-    return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]
+    try:
+        return [name for name in Store(Path(root)).names() if name.startswith(incomplete)]
+    except SystemFailed:
+        return []  # a shell that completes has no place for a message
 
 
 class Later(Commands):

@@ -23,7 +23,7 @@ def add_to(app: typer.Typer) -> None:
         "doctor",
         doctor,
         {"reading": READING, "tabular": TABULAR, "display": DISPLAY},
-        help="Check this installation: versions, HDF5, compiled kernels, cores, and whether the store can be written.",
+        help="Check this installation: versions, HDF5, compiled kernels, cores, and the store's file system.",
     )
 
 
@@ -41,6 +41,7 @@ def doctor(reading: Reading, tabular: Tabular, display: Display) -> None:
         ("cores", lambda: f"{len(os.sched_getaffinity(0))} usable of {os.cpu_count()}"),
         ("plug-ins", _plug_ins),
         ("store", lambda: _store(Path(reading.store))),
+        ("file system", lambda: _file_system(Path(reading.store))),
     ]
     rows = [_row(name, check) for name, check in checks]
     columns = [TableColumn("check"), TableColumn("state"), TableColumn("detail")]
@@ -107,14 +108,31 @@ def _plug_ins() -> str:
 
 
 def _store(root: Path) -> str:
-    """Whether artefacts could be written there; nothing is left behind."""
-    import tempfile
-
-    nearest = root
-    while not nearest.exists():
-        nearest = nearest.absolute().parent
-    with tempfile.TemporaryFile(dir=nearest):
-        pass
-    free = os.statvfs(nearest)
+    """Where artefacts go, and the room there."""
+    free = os.statvfs(_nearest(root))
     state = "" if root.exists() else ", made when first needed"
     return f"{root}, {free.f_bavail * free.f_frsize / 1e9:.1f} GB free{state}"
+
+
+def _file_system(root: Path) -> str:
+    """Whether artefacts can be written there, and how: a lock, a hard link and the flush of a directory are tried."""
+    from qinit_store.probe import tried
+    from qinit_store.work import DISK
+
+    found = tried(_nearest(root), DISK)
+    links = (
+        f"no hard links ({found.links}): a finished artefact is renamed under its lock"
+        if found.links
+        else "hard links"
+    )
+    flushes = (
+        "directories are flushed"
+        if found.flushes_directories
+        else "directories cannot be flushed: after a power cut the last artefact may be missing"
+    )
+    return f"locks; {links}; {flushes}"
+
+
+def _nearest(root: Path) -> Path:
+    """The store, or the folder above it that exists already."""
+    return next(folder for folder in (root, *root.absolute().parents) if folder.exists())

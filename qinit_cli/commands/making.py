@@ -187,7 +187,7 @@ def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output,
             with open_artefact(relative.path, plan.schema.kind) as there:
                 artefact.adopt(there)
         except Damaged as damage:
-            note(display, f"nothing is taken over from a damaged file: {damage}")
+            note(display, f"nothing is taken over: {damage}")
         except Refused as lack:
             note(display, f"nothing is taken over from an earlier version: {lack}")
         if taken := len(artefact.saved) - before:
@@ -226,7 +226,7 @@ def _learn_missing(
                 if work.fail_fast:
                     watch.stop()
         waiting.save()
-    saved = f"{len(artefact.saved)} of {len(asked)} tasks are saved"
+    saved = f"{artefact.kept} of {len(asked)} tasks are saved"
     if received:
         raise Interrupted(f"stopped: {saved}; the same command goes on with the rest", 128 + received[0])
     if tally.failed and (work.fail_fast or not len(artefact.saved)):

@@ -46,12 +46,13 @@ def one(reference: str, store: str, *needed: str) -> Path:
 
 def _resolved(name: str, store: Store) -> Path:
     """The artefact's path; NotFound says how to go on with one that is unfinished."""
-    from qinit_store.errors import NotFound
+    from qinit_store.errors import NotFound, Refused
     from qinit_store.wording import recorded_command
 
     try:
         return store.resolve(name)
-    except NotFound:
+    except (NotFound, Refused):
+        _refuse_other_file(name)
         stem = Path(name).name.removesuffix(".h5")
         for entry in store.entries():
             if entry.state == "unfinished" and entry.path.stem == stem:
@@ -60,6 +61,21 @@ def _resolved(name: str, store: Store) -> Path:
                     f"{name} is unfinished: {entry.tasks} of {entry.spec.get('tasks', '?')} tasks; go on with {command}"
                 ) from None
         raise
+
+
+def _refuse_other_file(name: str) -> None:
+    """UsageError where a file or folder of that name lies here: it was meant, but is taken for a name in the store."""
+    from qinit_store.wording import shell_line
+
+    path = Path(name)
+    if "/" in name or not name or name.endswith(".h5") or not path.exists():
+        return
+    if path.is_dir():
+        raise UsageError(f"{name} is a folder here; name an artefact in it, as {name}/NAME.h5")
+    raise UsageError(
+        f"{name} lies here, but artefacts are HDF5 files whose names end in .h5, as `qinit train-sources` makes them;"
+        f" write {shell_line(f'./{name}')} if it is one under another name"
+    )
 
 
 def _from_stdin() -> list[str]:

@@ -6,17 +6,21 @@ h5py is imported where files are read, so that names can be completed without it
 from __future__ import annotations
 
 import difflib
+import errno
 import os
 import re
-from collections.abc import Iterator
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qinit_store.errors import Damaged, NotFound, Refused, StoreError
+from qinit_store.errors import Damaged, NotFound, Refused, SystemFailed
 from qinit_store.folder import read_record, tasks_saved
 from qinit_store.lock import being_held
+from qinit_store.presence import exists, is_folder, names, refusal, status
 from qinit_store.spec import Spec, canonical_json, spec_sha256, without_tasks
 
 if TYPE_CHECKING:
@@ -25,6 +29,8 @@ if TYPE_CHECKING:
 FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs", "tuning": "tunings"}
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 SUFFIX = ".h5"
+WORK = f"{SUFFIX}.work"
+NOT_ALLOWED = (errno.EACCES, errno.EPERM)
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,7 @@ class Store:
         where the name is ambiguous or no name.
         """
         is_path = "/" in reference or reference.endswith(SUFFIX)
-        if is_path and Path(reference).exists():
+        if is_path and exists(Path(reference)):
             return Path(reference)
         folder, _, name = reference.rpartition("/")
         if folder and folder not in FOLDERS.values():
@@ -65,18 +71,24 @@ class Store:
     def entries(self) -> Iterator[Description]:
         """What there is, finished and not, in the order of folders and names; one that is damaged says so."""
         for path in self._paths():
-            yield _description(path)
+            with suppress(NotFound):  # gone since its folder was listed
+                yield _row(path, partial(_description, path))
         for folder in FOLDERS.values():
-            for work in sorted((self.root / folder).glob(f".*{SUFFIX}.work")):
-                if work.is_dir() and not work.is_symlink():
-                    yield _unfinished(work)
+            for name in names(self.root / folder):
+                work = self.root / folder / name
+                if name.startswith(".") and name.endswith(WORK) and is_folder(work):
+                    yield _row(_target(work), partial(_unfinished, work))
 
     def relatives(self, kind: str, spec: Spec) -> list[Description]:
-        """The finished artefacts of `kind` with the same spec apart from "tasks", the largest first."""
+        """The finished artefacts of `kind` with the same spec apart from "tasks", the largest first.
+
+        A neighbour that one may not read is none; SystemFailed where reading one fails otherwise, as its tasks would
+        be learned again.
+        """
         wanted = canonical_json(without_tasks(spec))
         found = [
             entry
-            for entry in map(_known_description, sorted((self.root / FOLDERS[kind]).glob(f"[!.]*{SUFFIX}")))
+            for entry in map(_known_description, self._finished(FOLDERS[kind]))
             if entry.state == "done"
             and entry.kind == kind
             and canonical_json(without_tasks(entry.spec)) == wanted
@@ -85,12 +97,18 @@ class Store:
 
     def _paths(self) -> Iterator[Path]:
         for folder in FOLDERS.values():
-            yield from sorted((self.root / folder).glob(f"[!.]*{SUFFIX}"))
+            yield from self._finished(folder)
+
+    def _finished(self, folder: str) -> list[Path]:
+        there = names(self.root / folder)
+        return [
+            self.root / folder / name for name in there if name.endswith(SUFFIX) and not name.startswith(".")
+        ]
 
     def _named(self, name: str) -> list[Path]:
         full = name if name.endswith(SUFFIX) else name + SUFFIX
         paths = [self.root / folder / full for folder in FOLDERS.values()]
-        return [path for path in paths if path.exists()]
+        return [path for path in paths if exists(path)]
 
     def _nearest(self, name: str) -> str:
         near = difflib.get_close_matches(name.removesuffix(SUFFIX), self.names(), n=1)
@@ -105,6 +123,14 @@ def _checked(name: str) -> str:
     return name
 
 
+def _row(path: Path, known: Callable[[], Description]) -> Description:
+    """What is `known` of an artefact; of one that cannot be read, why. NotFound."""
+    try:
+        return known()
+    except SystemFailed as failure:
+        return replace(_nothing_known(path), state="unreadable", problem=str(failure))
+
+
 def _description(path: Path) -> Description:
     from qinit_store.reading import describe
 
@@ -112,17 +138,21 @@ def _description(path: Path) -> Description:
         return describe(path)
     except Damaged as damage:
         return replace(_nothing_known(path), state=damage.state, problem=str(damage))
-    except StoreError as trouble:
-        return replace(_nothing_known(path), state="unreadable", problem=str(trouble))
 
 
 def _known_description(path: Path) -> Description:
     """The same, read once while the file stands there: whoever makes many artefacts looks for relatives of each."""
     try:
         there = os.lstat(path)
-    except FileNotFoundError:
-        return _description(path)
-    return _immutable(path, there.st_ino, there.st_mtime_ns, there.st_size)
+        return _immutable(path, there.st_ino, there.st_mtime_ns, there.st_size)
+    except (FileNotFoundError, NotFound):
+        return replace(_nothing_known(path), state="gone")
+    except OSError as problem:
+        raise refusal("look at", path, problem) from problem
+    except SystemFailed as failure:
+        if failure.code not in NOT_ALLOWED:
+            raise
+        return replace(_nothing_known(path), state="unreadable", problem=str(failure))
 
 
 @lru_cache(maxsize=65_536)
@@ -132,7 +162,7 @@ def _immutable(path: Path, *which: int) -> Description:
 
 def _unfinished(work: Path) -> Description:
     """What a work folder is to become; `tasks` are those saved so far, by the names of its parts."""
-    target = work.with_name(work.name.removeprefix(".").removesuffix(".work"))
+    target = _target(work)
     state = "being written" if being_held(work) else "unfinished"
     entry = replace(_nothing_known(target), state=state, tasks=tasks_saved(work))
     record = read_record(work)
@@ -145,6 +175,20 @@ def _unfinished(work: Path) -> Description:
         spec_sha256=spec_sha256(record.spec),
         provenance=record.provenance,
     )
+
+
+def _target(work: Path) -> Path:
+    """The artefact that a work folder belongs to."""
+    return work.with_name(work.name.removeprefix(".").removesuffix(".work"))
+
+
+def _size(path: Path) -> int:
+    """In bytes; 0 where that cannot be told, which another message does."""
+    try:
+        found = status(path)
+    except SystemFailed:
+        return 0
+    return found.st_size if found is not None and stat.S_ISREG(found.st_mode) else 0
 
 
 def _nothing_known(path: Path) -> Description:
@@ -161,5 +205,5 @@ def _nothing_known(path: Path) -> Description:
         inputs=(),
         tasks=0,
         schema_version=0,
-        size=path.stat().st_size if path.is_file() else 0,
+        size=_size(path),
     )

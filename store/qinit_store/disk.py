@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,12 +13,23 @@ from qinit_store.errors import SystemFailed
 
 T = TypeVar("T")
 
+# What a file system answers that has no such thing as flushing a directory, or a folder that may not be read.
+NO_DIRECTORY_FLUSH = (
+    errno.EINVAL,
+    errno.ENOTSUP,
+    errno.EOPNOTSUPP,
+    errno.ENOSYS,
+    errno.EBADF,
+    errno.EACCES,
+)
+
 
 class Disk:
     """The operating system's file operations.
 
-    A missing or already existing file is reported as FileNotFoundError or FileExistsError, because the
-    protocol expects both; any other OSError becomes SystemFailed with the path. A test overrides `attempt`.
+    A missing or already existing file and a lock held elsewhere are reported as FileNotFoundError, FileExistsError and
+    BlockingIOError, because the protocol expects them; any other OSError becomes SystemFailed with the path. A test
+    overrides `attempt`.
     """
 
     def attempt(self, operation: str, path: Path, call: Callable[[], T]) -> T:
@@ -58,9 +70,20 @@ class Disk:
     def close(self, descriptor: int, path: Path) -> None:
         self._do("close", path, lambda: os.close(descriptor))
 
-    def sync_directory(self, path: Path) -> None:
-        """The entries of the directory are on the disk."""
-        self._do("flush the directory", path, lambda: _sync_directory(path))
+    def lock(self, descriptor: int, path: Path, *, wait: bool) -> None:
+        """The file locked against other processes; BlockingIOError where one holds it and `wait` is false."""
+        how = fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB
+        self._do("lock", path, lambda: fcntl.flock(descriptor, how))
+
+    def sync_directory(self, path: Path) -> bool:
+        """The entries of the directory are on the disk; False where this file system flushes files alone."""
+        try:
+            self._do("flush the directory", path, lambda: _sync_directory(path))
+        except SystemFailed as failure:
+            if failure.code not in NO_DIRECTORY_FLUSH:
+                raise
+            return False
+        return True
 
     def link(self, path: Path, name: Path) -> None:
         """`path` under a second name, never replacing what is there."""
@@ -83,7 +106,7 @@ class Disk:
     def _do(self, operation: str, path: Path, call: Callable[[], T]) -> T:
         try:
             return self.attempt(operation, path, call)
-        except (FileExistsError, FileNotFoundError):
+        except (FileExistsError, FileNotFoundError, BlockingIOError):
             raise
         except OSError as problem:
             reason = problem.strerror or type(problem).__name__

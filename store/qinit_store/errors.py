@@ -53,3 +53,8 @@ class SystemFailed(StoreError):
     """The operating system refused: disk full, no permission, input/output error."""
 
     exit_code = 7
+
+    @property
+    def code(self) -> int | None:
+        """The system's number for the error it was raised from; None where there is none."""
+        return self.__cause__.errno if isinstance(self.__cause__, OSError) else None

@@ -15,6 +15,7 @@ from typing import Any
 from qinit_store.disk import Disk
 from qinit_store.errors import SystemFailed
 from qinit_store.lock import LOCK
+from qinit_store.presence import names, refusal, status
 from qinit_store.publish import place
 from qinit_store.spec import Spec, canonical_json
 from qinit_store.wording import recorded_command
@@ -22,6 +23,7 @@ from qinit_store.wording import recorded_command
 RECORD = "spec.json"
 LARGEST_RECORD = 4 * 1024**2
 WHOLE = "whole.tmp"
+NO_RECORD = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EINVAL)  # nothing, a link, or no regular file
 PART = re.compile(r"part-(\d{12})-(\d+)-[0-9a-f]{16}\.h5")
 
 
@@ -46,16 +48,23 @@ def work_folder(target: Path) -> Path:
 
 
 def read_record(folder: Path) -> Record | None:
-    """The settings kept in `folder`; None where there are none, or none that can be read."""
+    """The settings kept in `folder`; None where there are none, or none that make sense. SystemFailed."""
+    path = folder / RECORD
     try:
-        kept = json.loads(_small_file(folder / RECORD))
+        raw = _small_file(path)
+    except OSError as problem:
+        if problem.errno not in NO_RECORD:
+            raise refusal("read", path, problem) from problem
+        return None
+    try:
+        kept = json.loads(raw)
         return Record(kept["kind"], dict(kept["spec"]), dict(kept["provenance"]))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None  # every part carries its own settings, so nothing depends on this file
 
 
 def _small_file(path: Path) -> bytes:
-    """The content of a regular file; OSError where it is none. A pipe must not hold us."""
+    """The content of a regular file; EINVAL where it is none. A pipe must not hold us."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -76,42 +85,42 @@ def part_name(first: int, count: int, sha256: str) -> str:
 
 def part_paths(folder: Path) -> list[Path]:
     """The part files of `folder` in the order of their names."""
-    return [folder / name for name in _names(folder) if PART.fullmatch(name)]
+    return [folder / name for name in names(folder) if PART.fullmatch(name)]
 
 
 def tasks_saved(folder: Path) -> int:
     """The number of tasks in the part files, by their names alone."""
-    return sum(int(match[2]) for name in _names(folder) if (match := PART.fullmatch(name)))
+    return sum(int(match[2]) for name in names(folder) if (match := PART.fullmatch(name)))
 
 
 def set_bad_aside(path: Path, disk: Disk) -> None:
     """Rename a part file that does not hold to `*.bad`, beside any earlier one."""
     number = 1
-    while os.path.lexists(path.with_name(f"{path.name}.{number}.bad")):
+    while status(path.with_name(f"{path.name}.{number}.bad")) is not None:
         number += 1
     disk.replace(path, path.with_name(f"{path.name}.{number}.bad"))
     disk.sync_directory(path.parent)
 
 
 def remove_temporaries(folder: Path, disk: Disk) -> None:
-    for name in _names(folder):
+    for name in names(folder):
         if name.endswith(".tmp"):
             disk.remove(folder / name)
 
 
 def remove_parts(folder: Path, disk: Disk) -> None:
     """Forget everything saved here; the settings go last, and the lock stays."""
-    names = [name for name in _names(folder) if name.endswith((".tmp", ".bad")) or PART.fullmatch(name)]
-    for name in names:
-        disk.remove(folder / name)
-    if os.path.lexists(folder / RECORD):
+    for name in names(folder):
+        if name.endswith((".tmp", ".bad")) or PART.fullmatch(name):
+            disk.remove(folder / name)
+    if status(folder / RECORD) is not None:
         disk.remove(folder / RECORD)
 
 
 def remove_folder(folder: Path, disk: Disk) -> None:
     """Take the folder away, the lock last; one that holds files not ours is left with them."""
     remove_parts(folder, disk)
-    foreign = [name for name in _names(folder) if name != LOCK]
+    foreign = [name for name in names(folder) if name != LOCK]
     with suppress(FileNotFoundError):
         disk.remove(folder / LOCK)
     if not foreign:
@@ -125,9 +134,5 @@ def _remove_directory(folder: Path, disk: Disk) -> None:
         return
     except SystemFailed as failure:
         # The next writer may have moved in as soon as the lock was gone.
-        if not isinstance(failure.__cause__, OSError) or failure.__cause__.errno != errno.ENOTEMPTY:
+        if failure.code != errno.ENOTEMPTY:
             raise
-
-
-def _names(folder: Path) -> list[str]:
-    return sorted(os.listdir(folder)) if folder.is_dir() else []

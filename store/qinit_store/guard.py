@@ -20,6 +20,7 @@ import numpy as np
 from qinit_store.errors import Damaged, NotOurs, TooNew
 from qinit_store.schema import NAME, TASK, TASK_DIGEST
 from qinit_store.source import Source
+from qinit_store.wording import shell_line
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 HEAD = 16  # bytes; the version follows the magic, and three bytes later the marks of whoever has it open for writing
@@ -60,7 +61,7 @@ LARGEST_INFLATED = 512 * 1024**2
 
 def check_beginning(source: Source) -> None:
     """NotOurs or TooNew where the file does not begin as an artefact does, before HDF5 sees it; SystemFailed."""
-    path, head = source.path, source.beginning(0, HEAD)
+    path, head = source.path, source.head[:HEAD]
     if not head:
         raise NotOurs(f"{path} is empty, so it is no artefact; remove it, or name another file")
     if not head.startswith(MAGIC):
@@ -78,7 +79,7 @@ def check_beginning(source: Source) -> None:
     if version == SUPERBLOCK and opened:
         raise NotOurs(
             f"{path} is open for writing in another program, or was left so by one that was killed; close it"
-            f" there, or take the mark away with `h5clear --status {path}`"
+            f" there, or take the mark away with `{shell_line('h5clear', '--status', path)}`"
         )
 
 
@@ -89,7 +90,7 @@ def _instead(source: Source, head: bytes) -> str:
             return f"it is {kind}"
     offset = 512
     while offset < source.size:  # where HDF5 looks for a file behind a user block
-        if source.beginning(offset, len(MAGIC)) == MAGIC:
+        if source.peek(offset, len(MAGIC)) == MAGIC:
             return (
                 f"it is an HDF5 file behind a user block of {offset} bytes, which qinit does not write;"
                 " `h5unjam` takes the block off"

@@ -10,6 +10,8 @@ from typing import TypeVar
 
 from qinit_store.errors import SystemFailed
 
+AGAIN = "; the same command goes on once that is mended"
+
 T = TypeVar("T")
 
 
@@ -36,8 +38,7 @@ def names(folder: Path) -> list[str]:
 
 def refusal(doing: str, path: Path, problem: OSError) -> SystemFailed:
     """The sentence for a call of the system that failed on `path`."""
-    reason = problem.strerror or type(problem).__name__
-    return SystemFailed(f"cannot {doing} {path}: {reason}; the same command goes on once that is mended")
+    return SystemFailed(f"cannot {doing} {path}: {problem.strerror or type(problem).__name__}{AGAIN}")
 
 
 def _looked(path: Path, call: Callable[[], T]) -> T | None:

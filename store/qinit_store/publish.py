@@ -11,12 +11,22 @@ from pathlib import Path
 
 from qinit_store.disk import Disk, write_all
 from qinit_store.errors import Refused, SystemFailed
+from qinit_store.presence import status
 
 _NUMBERS = (
     itertools.count()
 )  # an interrupted attempt leaves its temporary file behind: the next needs another
 
-NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
+NO_LINKS = (
+    errno.EPERM,
+    errno.EACCES,
+    errno.ENOTSUP,
+    errno.EOPNOTSUPP,
+    errno.ENOSYS,
+    errno.EMLINK,
+    errno.EXDEV,
+)
+NO_RESERVING = (errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 
 
 def place(disk: Disk, path: Path, content: bytes) -> None:
@@ -49,10 +59,10 @@ def _link(disk: Disk, whole: Path, target: Path) -> None:
     except FileExistsError:
         raise _taken(target) from None
     except SystemFailed as failure:
-        if not isinstance(failure.__cause__, OSError) or failure.__cause__.errno not in NO_LINKS:
+        if failure.code not in NO_LINKS:
             raise
         # No hard links on this file system: the lock keeps other writers of ours away from the name.
-        if os.path.lexists(target):
+        if status(target) is not None:
             raise _taken(target) from None
         disk.replace(whole, target)
 
@@ -80,11 +90,7 @@ class Growing(io.RawIOBase):
         try:
             disk.reserve(self._descriptor, path, room)
         except SystemFailed as failure:
-            if not isinstance(failure.__cause__, OSError) or failure.__cause__.errno not in (
-                errno.EOPNOTSUPP,
-                errno.EINVAL,
-                errno.ENOSYS,
-            ):
+            if failure.code not in NO_RESERVING:
                 os.close(self._descriptor)
                 raise
 

@@ -22,6 +22,10 @@ from qinit_store.wording import shell_line
 
 T = TypeVar("T")
 
+# Read before HDF5 is asked, and kept: where HDF5 finds no superblock it loses its hold on us, and would call a Python
+# that has ended when the process exits.
+HEAD_BYTES = 4096
+
 # What h5py raises on a file that is not as it should be.
 HDF5_TROUBLE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, EOFError)
 
@@ -49,6 +53,7 @@ class Source(io.RawIOBase):
             self._opened = os.fstat(self._descriptor)
             if not stat.S_ISREG(self._opened.st_mode):
                 raise NotOurs(f"{path} is no regular file, so it is no artefact")
+            self.head = os.pread(self._descriptor, HEAD_BYTES, 0)
         except OSError as problem:
             os.close(self._descriptor)
             raise refusal("read", path, problem) from problem
@@ -61,8 +66,8 @@ class Source(io.RawIOBase):
         """In bytes, as it was opened."""
         return self._opened.st_size
 
-    def beginning(self, offset: int, size: int) -> bytes:
-        """What there is of `size` bytes; SystemFailed."""
+    def peek(self, offset: int, size: int) -> bytes:
+        """What there is of `size` bytes at `offset`; SystemFailed."""
         try:
             return os.pread(self._descriptor, size, offset)
         except OSError as problem:
@@ -114,7 +119,9 @@ class Source(io.RawIOBase):
 
     def readinto(self, buffer: object) -> int:
         raw = memoryview(buffer).cast("B")  # type: ignore[arg-type]  # typeshed: no buffer type
-        there = 0
+        kept = self.head[self._position : self._position + raw.nbytes]
+        there = len(kept)
+        raw[:there] = kept
         try:
             while there < raw.nbytes and self._failure is None:
                 more = os.preadv(self._descriptor, [raw[there:]], self._position + there)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,11 @@ import numpy as np
 from qinit_store import encoding, folder, publish
 from qinit_store.digest import task_digests
 from qinit_store.disk import Disk
-from qinit_store.errors import Busy, Damaged, NotFound, Refused, SystemFailed
+from qinit_store.errors import Busy, Damaged, NotFound, Refused, SystemFailed, TooNew
 from qinit_store.interrupts import HeldBack, held_back
-from qinit_store.lock import held
-from qinit_store.reading import Artefact, open_artefact, open_part
+from qinit_store.lock import Lock, held
+from qinit_store.presence import AGAIN, exists, is_folder, status
+from qinit_store.reading import Artefact, describe, open_artefact, open_part
 from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
 from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
@@ -55,13 +55,13 @@ def open_work(
         yield work
         return
     _make_parents(target.parent, disk)
-    with held(work.folder, disk, wait=wait):
+    with held(work.folder, disk, wait=wait) as lock:
         if not work.look():
-            work.take_up()
+            work.take_up(lock)
         try:
             yield work
         finally:
-            work.leave()
+            work.leave(lock)
 
 
 class Work:
@@ -94,6 +94,8 @@ class Work:
         self._places: dict[int, tuple[Path, int]] = {}  # task id: part file, row
         self._digests: dict[int, bytes] = {}
         self._standing_ids: set[int] = set()  # of the tasks in the artefact that is there already
+        self._stood = ""  # its content hash
+        self._lock: Lock | None = None
         self._replaces = force
         self._published = False
         self._failure: SystemFailed | None = None
@@ -104,6 +106,12 @@ class Work:
         return np.array(sorted(self._digests), dtype=np.int64)
 
     @property
+    def kept(self) -> int:
+        """How many of these are still on the disk: other programs may remove part files; SystemFailed."""
+        there = set(folder.part_paths(self.folder))
+        return sum(path in there for path, _ in self._places.values())
+
+    @property
     def asked(self) -> int:
         """The number of tasks the spec asks for; 0 where it has none."""
         return _asked(self._record.spec)
@@ -111,7 +119,7 @@ class Work:
     def look(self) -> bool:
         """Whether the target stands there complete. Refused or Damaged where it stands in the way."""
         _refuse_odd(self.target)
-        if self._force or not self.target.exists():
+        if self._force or status(self.target) is None:
             return False
         with self._standing() as artefact:
             self._compare(artefact)
@@ -123,8 +131,9 @@ class Work:
                 self._disk.touch(self.target)
         return self.complete
 
-    def take_up(self) -> None:
+    def take_up(self, lock: Lock) -> None:
         """Load what earlier runs saved; the folder is locked."""
+        self._lock = lock
         folder.remove_temporaries(self.folder, self._disk)
         if self._force:
             self._discard_other_work()
@@ -132,7 +141,7 @@ class Work:
         self._load_parts()
         # Flushes the directory too: a part may have been renamed by a process that died before it did that.
         folder.write_record(self.folder, self._record, self._disk)
-        if not self._force and self.target.exists():
+        if not self._force and status(self.target) is not None:
             with self._standing() as artefact:
                 # one of an earlier version may lack columns: its tasks are learned again
                 if self._given <= {column.name for column in artefact.schema.task_columns}:
@@ -197,26 +206,28 @@ class Work:
         with self._keeping():
             content = self._build(whole, header, ids, values)
             self._check(whole, content)
+            self._refuse_replaced()
             publish.reveal(self._disk, whole, self.target, replace=self._replaces)
             self.complete = self._published = True
             folder.remove_folder(self.folder, self._disk)
         return self.target
 
-    def leave(self) -> None:
-        """Take the work folder away where it holds nothing that would be missed; it is locked."""
-        if self._published or not self.folder.is_dir():
+    def leave(self, lock: Lock) -> None:
+        """Take the work folder away where it holds nothing that would be missed; where the system fails it stays."""
+        if self._published or (self.set_aside and not self.complete):
             return
-        lost = self.set_aside and not self.complete
-        if not lost and not any(self._holds_more(path) for path in folder.part_paths(self.folder)):
+        with suppress(SystemFailed):
+            if not lock.holds or any(self._holds_more(path) for path in folder.part_paths(self.folder)):
+                return
             folder.remove_folder(self.folder, self._disk)
 
     def sweep(self) -> None:
         """Take away the folder that a process left which died between publishing and cleaning up."""
-        if not self.folder.is_dir():
-            return
         try:
-            with held(self.folder, self._disk, wait=False):
-                self.leave()
+            if not is_folder(self.folder):
+                return
+            with held(self.folder, self._disk, wait=False) as lock:
+                self.leave(lock)
         except (Busy, Refused, SystemFailed):
             return  # the artefact is there and whole, which is all that was asked
 
@@ -258,9 +269,27 @@ class Work:
 
     def _standing(self) -> Artefact:
         try:
-            return open_artefact(self.target, self._schema.kind)
+            artefact = open_artefact(self.target, self._schema.kind)
         except Damaged as damage:
-            raise Damaged(f"{damage}, or learn it again with --force") from damage
+            raise type(damage)(f"{damage}, or learn it again with --force") from damage
+        self._stood = artefact.content_sha256
+        return artefact
+
+    def _refuse_replaced(self) -> None:
+        """Refused where what is to grow is no longer what was read: its tasks are in no file of ours."""
+        if not self._replaces or self._force:
+            return
+        try:
+            there = describe(self.target).content_sha256
+        except NotFound:
+            return
+        except Damaged:
+            there = ""
+        if there != self._stood:
+            raise Refused(
+                f"{self.target} was replaced by another program while this was being written; the {len(self._digests)}"
+                f" tasks are kept in {self.folder}; give another name with -o, or --force"
+            )
 
     def _compare(self, artefact: Artefact, *, enough: bool = True) -> None:
         """Refused where `artefact` has other settings than this work or, with `enough`, more tasks."""
@@ -316,7 +345,7 @@ class Work:
             try:
                 with open_part(path, self._schema.kind) as part:
                     return folder.Record(part.kind, part.spec)
-            except (Damaged, Refused):
+            except (Damaged, NotFound, Refused):
                 continue
         return kept
 
@@ -327,13 +356,18 @@ class Work:
         for path in folder.part_paths(self.folder):
             try:
                 self._load(path)
+            except TooNew:
+                if not self._force:
+                    raise  # what a later version saved is not ours to learn again
+                folder.set_bad_aside(path, self._disk)
             except (Damaged, Refused):
                 self.set_aside += _count_by_name(path)
                 folder.set_bad_aside(path, self._disk)
         self._refuse_beyond(set(range(self.asked)))
 
     def _load(self, path: Path) -> None:
-        if not stat.S_ISREG(os.lstat(path).st_mode):
+        found = status(path)
+        if found is not None and not stat.S_ISREG(found.st_mode):
             raise Damaged(f"{path} is no regular file")
         with open_part(path, self._schema.kind) as part:
             self._compare(part, enough=False)
@@ -376,7 +410,7 @@ class Work:
     def _room(self, ids: Array, statics: Mapping[str, Array]) -> int:
         parts = {self._places[number][0] for number in ids.tolist()}
         return ROOM_BEYOND_PARTS + sum(
-            [*(path.stat().st_size for path in parts), *(values.nbytes for values in statics.values())]
+            [*(_size(path) for path in parts), *(values.nbytes for values in statics.values())]
         )
 
     def _blocks(
@@ -421,19 +455,57 @@ class Work:
 
     @contextmanager
     def _keeping(self) -> Iterator[None]:
-        """Say what is kept when the system fails; a failed flush is never tried again by this work."""
+        """Report what is kept when the system fails; a failed flush is never tried again by this work.
+
+        The folder may be moved or removed by others at any time; into one that is not locked nothing is written.
+        """
         if self._failure is not None:
             raise self._failure
         try:
+            if self._lock is not None and not self._lock.holds:
+                raise SystemFailed(self._gone())
             yield
-        except (SystemFailed, FileNotFoundError, FileExistsError) as failure:
-            kept = f"; {len(self._digests)} tasks are kept in {self.folder}" if self._digests else ""
-            self._failure = SystemFailed(f"{failure}{kept}; the same command goes on once that is mended")
+        except (SystemFailed, NotFound, FileNotFoundError, FileExistsError) as failure:
+            self._failure = SystemFailed(self._kept_after(failure))
             raise self._failure from failure
+
+    def _kept_after(self, failure: Exception) -> str:
+        """The failure, what of the saved tasks is still there, and how to go on."""
+        try:
+            if self._lock is not None and not self._lock.holds:
+                return self._gone()
+            kept = folder.tasks_saved(self.folder)
+        except SystemFailed:
+            kept = len(self._digests)  # nobody took them away
+        reason = str(failure).removesuffix(AGAIN)
+        if isinstance(failure, OSError):
+            reason = f"cannot write {failure.filename}: {failure.strerror}"
+        if isinstance(failure, NotFound):
+            reason = f"{reason.partition(';')[0]}: it was moved or removed by another program"
+        return f"{reason}{f'; {kept} tasks are kept in {self.folder}' if kept else ''}{AGAIN}"
+
+    def _gone(self) -> str:
+        """What happened where the folder is no longer the one that was locked."""
+        saved = len(self._digests)
+        if is_folder(self.folder):
+            return (
+                f"the lock of {self.folder} was removed or the folder replaced while this was being written, so nothing"
+                f" more is written there; {folder.tasks_saved(self.folder)} of {saved} saved tasks are in it, the same"
+                " command goes on with these"
+            )
+        if not saved:
+            return (
+                f"the work folder {self.folder} was moved or removed while this was being written; nothing was saved in"
+                " it, the same command begins anew"
+            )
+        return (
+            f"the work folder {self.folder} was moved or removed while this was being written, with {saved} saved tasks"
+            " in it; move it back and the same command goes on with them, without it they are learned again"
+        )
 
 
 def _make_parents(path: Path, disk: Disk) -> None:
-    missing = [one for one in (path, *path.parents) if not one.exists()]
+    missing = [one for one in (path, *path.parents) if not exists(one)]
     for one in reversed(missing):
         try:
             disk.make_directory(one)
@@ -443,12 +515,16 @@ def _make_parents(path: Path, disk: Disk) -> None:
 
 
 def _refuse_odd(target: Path) -> None:
-    try:
-        status = os.lstat(target)
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    if not stat.S_ISREG(status.st_mode):
+    found = status(target)
+    if found is not None and not stat.S_ISREG(found.st_mode):
         raise Refused(f"{target} is no regular file, so it is not replaced; give another name with -o")
+
+
+def _size(path: Path) -> int:
+    found = status(path)
+    if found is None:
+        raise NotFound(f"there is no {path}")
+    return found.st_size
 
 
 def _asked(spec: Spec) -> int:

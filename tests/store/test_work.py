@@ -45,11 +45,13 @@ def test_the_folder_is_gone_once_the_artefact_is_there(path):
     assert [entry.name for entry in path.parent.iterdir()] == ["a.h5"]
 
 
-def test_the_same_command_again_finds_it_complete_and_touches_nothing(path):
+def test_the_same_command_again_finds_it_complete_and_touches_nothing_but_its_time(path):
     make_sources(path)
-    with open_work(path, SOURCES, spec_for(), disk=Breakable(at=0)) as work:
+    disk = Breakable()
+    with open_work(path, SOURCES, spec_for(), disk=disk) as work:
         assert work.complete
         assert work.saved.tolist() == [0, 1, 2, 3, 4, 5]
+    assert disk.done == [("set the time of", path.name)]
 
 
 def test_an_exception_between_saves_loses_nothing(path, straight):
@@ -308,7 +310,7 @@ def test_tasks_that_lack_a_column_of_a_later_version_are_learned_again(path, tmp
 
 def test_an_artefact_without_a_column_of_a_later_version_is_complete_and_readable(path):
     make_sources(path)
-    with open_work(path, LATER, spec_for(), disk=Breakable(at=0)) as work:
+    with open_work(path, LATER, spec_for(), disk=Breakable(at=1)) as work:
         assert work.complete
 
 

@@ -1,0 +1,57 @@
+"""What is named on the command line and is no artefact: told as what it is."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+Here = Callable[..., Any]
+
+
+def sentence(ended: Any, code: int) -> str:
+    assert ended.code == code, ended.err
+    [line] = ended.err.splitlines()
+    return str(line)
+
+
+@pytest.mark.parametrize("command", ["fit", "show", "verify"])
+def test_a_file_without_the_ending_is_not_reported_absent(here: Here, tmp_path: Path, command: str) -> None:
+    np.savez(tmp_path / "mine.npz", q=np.ones((2, 3)))
+    (tmp_path / "my runs").mkdir()
+    assert "mine.npz lies here" in sentence(here(command, "mine.npz"), 2)
+    assert "a zip archive, as numpy's .npz is" in sentence(here("fit", "./mine.npz"), 6)
+    assert "is a folder here; name an artefact in it" in sentence(here(command, "my runs"), 2)
+    assert "there is no other.npz" in sentence(here(command, "other.npz"), 2)
+
+
+def test_an_artefact_with_a_note_of_its_owner_is_used_as_ever(
+    here: Here, pipeline: Any, tmp_path: Path
+) -> None:
+    shutil.copy(pipeline.sources, tmp_path / "noted.h5")
+    with h5py.File(tmp_path / "noted.h5", "r+") as file:
+        file.attrs["note"] = "the good ones"
+    for words in (("show",), ("verify",), ("fit", "-o", "fit.h5"), ("salvage", "-o", "new.h5")):
+        ended = here(words[0], "noted.h5", *words[1:])
+        assert ended.code == 0, ended.err
+
+
+def test_an_artefact_with_a_dataset_of_its_owner_is_refused_in_words_and_salvaged(
+    here: Here, pipeline: Any, tmp_path: Path
+) -> None:
+    shutil.copy(pipeline.sources, tmp_path / "noted.h5")
+    with h5py.File(tmp_path / "noted.h5", "r+") as file:
+        file["mine"] = np.arange(3)
+    for command in ("fit", "show"):
+        refused = sentence(here(command, "noted.h5"), 6)
+        assert "mine has no dims" in refused
+        assert "qinit salvage" in refused
+        assert "damaged" not in refused
+    assert here("verify", "noted.h5", "--format", "tsv").out.splitlines()[1].split("\t")[3] == "foreign"
+    assert "0 lost" in here("salvage", "noted.h5", "-o", "clean.h5").err
+    assert here("fit", "clean.h5", "-o", "fit.h5").code == 0
