@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from qinit_cli.wrapping import wrapped
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
@@ -103,10 +104,8 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     def _warn(self, entry: EntryPoint, why: str) -> None:
         if COMPLETING not in os.environ:
             sentence = printable(" ".join(why.split()).rstrip("."))
-            print(
-                f"qinit: warning: the {self.noun} {entry.name} of {_origin(entry)} is left out: {sentence}",
-                file=sys.stderr,
-            )
+            told = f"qinit: warning: the {self.noun} {entry.name} of {_origin(entry)} is left out: {sentence}"
+            print(wrapped(told, sys.stderr), file=sys.stderr)
 
 
 def _origin(entry: EntryPoint) -> str:
