@@ -46,7 +46,8 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.fit_statistics import lines
-    from qinit_cli.commands.making import provenance, say_result, target_path
+    from qinit_cli.commands.making import provenance, say_result, target_path, warn
+    from qinit_cli.stages.degenerate import of_fit
     from qinit_cli.stages.fit_findings import findings
     from qinit_store.reading import open_artefact
 
@@ -63,6 +64,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     found = findings(arrays | names, asked.spec)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
+    warn(made, "", of_fit(asked.spec, arrays), display)
     say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
 
 

@@ -13,6 +13,7 @@ from qinit_cli.commands.groups import DISPLAY, IMPORTS, OUTPUT, WORK, Display, O
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.transfer import (
     LearningTargets,
+    learned,
     learning_group,
     plan_of,
     targets_of,
@@ -148,7 +149,8 @@ def _update(
     display: Display,
 ) -> None:
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
-    from qinit_cli.commands.making import make, say_result
+    from qinit_cli.commands.making import make, say_result, warn
+    from qinit_cli.stages.degenerate import of_targets
     from qinit_cli.stages.knowledge import Knowledge
 
     if method.privileged or not method.reads_moments:
@@ -180,6 +182,7 @@ def _update(
         return
     made = make(plan, output, alone, display)
     sentence = _summary(made, method, fitted)
+    warn(made, "", of_targets(targets.learning, learned(made, targets, fitted.fit)), display)
     say_result(made, "qinit.lifelong/1", sentence, output, display)
 
 

@@ -255,6 +255,14 @@ def _failure(task: int, error: Exception, plan: Plan) -> str:
     return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
 
 
+def warn(made: Made, before: str, warnings: Iterable[str], display: Display) -> None:
+    """Says the warnings on stderr; --json has them with the one that was said `before`, if any."""
+    told = list(warnings)
+    for warning in told:
+        note(display, f"warning: {warning}")
+    made.tally.extra["warnings"] = [*([before] if before else []), *told]
+
+
 def say_result(
     made: Made,
     schema: str,

@@ -97,13 +97,14 @@ def train_sources(
 ) -> None:
     """Learns what is missing of the sources asked for, publishes them and prints their path."""
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
-    from qinit_cli.commands.making import make, say_result
+    from qinit_cli.commands.making import make, say_result, warn
 
     if isinstance(family, Gym):
         family = family.imported()
     tasks = tasks_of(family, sources)
-    if family.warning:
-        note(display, f"warning: {family.warning}")
+    before = family.warning
+    if before:
+        note(display, f"warning: {before}")
     plan = plan_of(tasks, sources.tasks or family.source_tasks)
     if output.dry_run:
         tried = trial_episodes(tasks.learning.episodes)
@@ -111,9 +112,10 @@ def train_sources(
         say_expected(foresee(plan, trial, tasks.learning.episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    sentence = (
-        f"{made.tally.tasks} tasks: already complete" if made.complete_before else _summary(made, tasks)
-    )
+    sentence, warnings = f"{made.tally.tasks} tasks: already complete", list[str]()
+    if not made.complete_before:
+        sentence, warnings = _summary(made, tasks)
+    warn(made, before, warnings, display)
     ends = family.ends()
     made.tally.extra |= ends
     if ends:
@@ -168,46 +170,90 @@ def action_axis(family: Family) -> Any:
     return Axis("action", np.array(family.actions, dtype="S"), "", "action")
 
 
-def _summary(made: Made, tasks: SourceTasks) -> str:
-    """What was learned and how well; the errors also go into the tally."""
-    import numpy as np
-
+def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
+    """What was learned and how well, and what makes it worth little; the errors also go into the tally."""
     from qinit_cli.environments.family import draw_tasks
     from qinit_cli.seeding import Stream
+    from qinit_cli.stages.degenerate import SourcesLearned, of_sources
 
     tally = made.tally
-    there, solved, errors = _learned(made.path, tasks)
-    drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, there)
-    solvable = tasks.family.solvable(drawn, solved, tasks.learning.horizon)
-    learned = tally.tasks - tally.skipped - tally.failed
+    found = _learned(made.path, tasks)
+    drawn = draw_tasks(tasks.family, tasks.seed, Stream.SOURCE_TASK, found.ids)
+    solved, solvable = (
+        int(each.sum())
+        for each in (found.solved, tasks.family.solvable(drawn, found.solved, tasks.learning.horizon))
+    )
+    count, learned = len(found.ids), tally.tasks - tally.skipped - tally.failed
     sentence = (
         f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
-        f"{solved.sum()} of {len(there)} solved"
+        f"{solved} of {count} solved"
     )
-    if not solvable.all():
-        sentence += f", {(~solvable).sum()} cannot be"
-    tally.extra |= {"solved": int(solved.sum()), "unsolvable": int((~solvable).sum())}
-    if tasks.learner == "exact" or not tasks.family.tabular:
-        return sentence
-    place = int(np.nanargmax(np.nanmedian(errors, axis=1)))
-    worst = int(there[place])
-    tally.extra |= {
-        "error_tasks": len(errors),
-        "median_relative_error": float(np.nanmedian(errors)),
-        "worst_task": worst,
-        "worst_median_relative_error": float(np.nanmedian(errors[place])),
-    }
+    if solvable < count:
+        sentence += f", {count - solvable} cannot be"
+    errors = found.error_numbers() if tasks.learner != "exact" and tasks.family.tabular else {}
+    tally.extra |= {"solved": solved, "unsolvable": count - solvable, **errors}
+    median = errors.get("median_relative_error")
+    warnings = of_sources(
+        tasks.learner,
+        tasks.learning,
+        SourcesLearned(
+            tasks=count,
+            positive=int(found.positive.sum()),
+            solvable=solvable,
+            solved=solved,
+            least=found.least,
+            largest=found.largest,
+            steps=tally.steps / learned if learned else 0.0,
+            error=math.nan if median is None else median,
+        ),
+    )
+    return sentence + _told(errors), list(warnings)
+
+
+def _told(errors: dict[str, Any]) -> str:
+    """The errors against exact tables in words; nothing where there are none."""
+    if not errors:
+        return ""
+    median, worst = errors["median_relative_error"], errors["worst_median_relative_error"]
+    if median is None:
+        return "; relative error against exact tables: unknown, as these have no value above 0"
     return (
-        f"{sentence}; relative error against exact tables: median {tally.extra['median_relative_error']:.2%} over "
-        f"{len(errors)} tasks, {tally.extra['worst_median_relative_error']:.2%} in the worst, task {worst}"
+        f"; relative error against exact tables: median {median:.2%} over {errors['error_tasks']} tasks, {worst:.2%} in "
+        f"the worst, task {errors['worst_task']}"
     )
 
 
-def _learned(path: Path, tasks: SourceTasks) -> tuple[Integers, Flags, Floats]:
-    """The ids of the tasks (N,), which are solved (N,), and the first ones' relative errors against exact tables, (n, S * A).
+@dataclass(frozen=True)
+class _Learned:
+    """What an artefact of N sources holds, and the first ones' relative errors against exact tables."""
 
-    There are no errors where there are no exact tables, or the sources are these.
-    """
+    ids: Integers  # (N,)
+    solved: Flags  # (N,)
+    positive: Flags  # (N,) whether a value is above 0
+    least: float  # of the values above 0; NaN where there are none
+    largest: float
+    errors: Floats  # (n, S * A), NaN where the exact value is 0; no rows where there are no exact tables, or these are
+
+    def error_numbers(self) -> dict[str, int | float | None]:
+        """The errors of the first tasks that have any, None where none has."""
+        import numpy as np
+
+        medians = {
+            int(task): float(np.median(known))
+            for task, row in zip(self.ids, self.errors, strict=False)
+            if (known := row[np.isfinite(row)]).size
+        }
+        worst = max(medians, key=lambda task: medians[task], default=None)
+        whole = self.errors[np.isfinite(self.errors)]
+        return {
+            "error_tasks": len(medians),
+            "median_relative_error": float(np.median(whole)) if medians else None,
+            "worst_task": worst,
+            "worst_median_relative_error": None if worst is None else medians[worst],
+        }
+
+
+def _learned(path: Path, tasks: SourceTasks) -> _Learned:
     import numpy as np
 
     from qinit_cli.environments.family import draw_tasks
@@ -218,13 +264,25 @@ def _learned(path: Path, tasks: SourceTasks) -> tuple[Integers, Flags, Floats]:
     family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
     entries = math.prod(family.shape) * len(family.actions)
     solved, errors = [np.empty(0, np.bool_)], [np.empty((0, entries))]
+    least, largest = [np.empty(0)], [np.empty(0)]
     with open_artefact(path, "sources") as artefact:
         for block in artefact.blocks(("solved", "q"), artefact.schema.block_size):
             solved.append(block["solved"].astype(bool))
+            q = block["q"].reshape(len(block["q"]), -1, len(family.actions))
+            largest.append(q.max(axis=(1, 2)))
+            least.append(np.where(q > 0, q, np.inf).min(axis=(1, 2)))
             if left > 0:
                 drawn = draw_tasks(family, tasks.seed, Stream.SOURCE_TASK, block["task"][:left])
-                q = block["q"][:left].reshape(len(drawn), -1, len(family.actions))
-                error = relative_error(family, tasks.learning.gamma, drawn, q)
+                error = relative_error(family, tasks.learning.gamma, drawn, q[:left])
                 errors.append(error.reshape(len(drawn), entries))
                 left -= len(drawn)
-        return artefact.tasks, np.concatenate(solved), np.concatenate(errors)
+        ids = artefact.tasks
+    positive = np.concatenate(largest) > 0
+    return _Learned(
+        ids,
+        np.concatenate(solved),
+        positive,
+        float(np.min(np.concatenate(least)[positive], initial=np.inf)) if positive.any() else math.nan,
+        float(np.max(np.concatenate(largest), initial=0.0)) if positive.any() else math.nan,
+        np.concatenate(errors),
+    )

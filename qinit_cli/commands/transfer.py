@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags
     from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.fitted import Fit
+    from qinit_cli.stages.degenerate import TargetsLearned
     from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
 
@@ -183,8 +184,9 @@ def transfer(
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
-    from qinit_cli.commands.making import make, say_result
+    from qinit_cli.commands.making import make, say_result, warn
     from qinit_cli.commands.optimal_tables import OptimalTables
+    from qinit_cli.stages.degenerate import of_targets
     from qinit_cli.stages.knowledge import Knowledge
 
     known = Knowledge.read(references.one(fit, output.store, references.LEARNING))
@@ -204,8 +206,10 @@ def transfer(
         say_expected(foresee(plan, trial, episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    unsolvable = _unsolvable(made, targets)
+    found = learned(made, targets, known.fit)
+    unsolvable = found.unsolvable
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
+    warn(made, targets.family.warning, of_targets(targets.learning, found), display)
     already = f"{method.label}, {made.tally.tasks} targets: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)
@@ -334,17 +338,26 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     )
 
 
-def _unsolvable(made: Made, targets: TargetTasks) -> int:
-    """Targets that neither the family's own rule nor any episode solved: they stay, and are counted."""
+def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
+    """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
     import numpy as np
 
+    from qinit_cli.stages.degenerate import TargetsLearned
     from qinit_store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
-        reached: Flags = np.asarray(artefact.read("reached").any(axis=1), np.bool_)
+        episodes = artefact.read("reached")
+        steps = int(artefact.read("steps").sum())
         drawn = targets.draw(artefact.tasks)
+    reached: Flags = np.asarray(episodes.any(axis=1), np.bool_)
     solvable = targets.family.solvable(drawn, reached, targets.learning.horizon)
-    return int((~solvable).sum())
+    return TargetsLearned(
+        tasks=len(reached),
+        reached=int(episodes.sum()),
+        unsolvable=int((~solvable).sum()),
+        steps=steps / len(reached) if len(reached) else 0.0,
+        knows=bool(fit.known.any()),
+    )
 
 
 def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
