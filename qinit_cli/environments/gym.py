@@ -381,8 +381,8 @@ class Gym(TableFamily):
 
     def _table(self, task: Any) -> Table:
         settings = self._of(task)
-        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
         one = table(self.env_id, settings, self.goal or "")
+        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
         if one.after.shape[:2] != (self._seen.states, self._seen.actions):
             raise NotAllowed(
                 f"a task of {self.env_id} has {len(one.after)} states, another one {self._seen.states}: tasks must "

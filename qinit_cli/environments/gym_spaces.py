@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.environments.foreign import OutOfSpace
 from qinit_cli.environments.gym_episodes import numbered, reset_state, shortest_cut
 from qinit_cli.environments.gym_making import Settings, has_table, opened, time_limit
+from qinit_cli.environments.gym_tables import read
 from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,11 +70,13 @@ def _row(observation: Any, length: int) -> list[float]:
 
 @lru_cache(64)
 def seen(env_id: str, settings: Settings, bins: str, ranges: tuple[str, ...]) -> Seen:
-    """The environment's spaces; UsageError where they do not suit, NotAllowed where it is not the same twice."""
+    """Its spaces; UsageError where they do not suit, NotAllowed for a faulty table, or where it is not the same twice."""
     import numpy as np
 
     with opened(env_id, settings) as env:
         there = _spaces(env_id, env, bins, ranges)
+        if there.table:
+            read(env_id, settings)  # before a step fails by what is wrong with it
         resets = [reset_state(env_id, env, seed, there.state) for seed in range(RESETS)]
         limits = [time_limit(env), shortest_cut(env_id, settings)]
     return replace(

@@ -154,7 +154,7 @@ STAYS = (1.0, 1, 0.0, False)
 def test_a_faulty_table_is_refused_with_the_state_and_the_action(
     tabled: Callable[..., Gym], change: Change, told: str
 ) -> None:
-    family = tabled(change)
+    family = tabled(change, change)  # whose own steps fail by it
     with pytest.raises(
         NotAllowed, match=f"the table P of Tabled-v0 with its defaults cannot be learned: .*{told}"
     ):
