@@ -219,10 +219,8 @@ def _holm(rows: list[Row], targets: int) -> tuple[Row, ...]:
     tested = [row for row in rows if row.p is not None]
     adjusted = holm(np.array([row.p for row in tested], np.float64))
     small = can_be_small(_units(tested, targets), LEVEL)
-    known = {
-        row.label: float(p) if can else None for row, p, can in zip(tested, adjusted, small, strict=True)
-    }
-    return tuple(replace(row, p=known.get(row.label)) for row in rows)
+    told = iter([float(p) if can else None for p, can in zip(adjusted, small, strict=True)])
+    return tuple(row if row.p is None else replace(row, p=next(told)) for row in rows)
 
 
 def _untested(rows: list[Row], targets: int) -> str:
