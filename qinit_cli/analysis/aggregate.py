@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from qinit_cli.analysis.weighted_sums import weighted_sums
 from qinit_cli.arrays import Floats, Integers
 
 
@@ -26,7 +27,11 @@ def resampled_interquartile_means(values: Floats, counts: Integers) -> Floats:
     ordered = values.ravel()[order]
     kept = np.clip(upto, cut, total - cut)  # of the scores up to each one, the lower quarter counted too
     # summed by parts: what each score adds is the rise of `kept` times the score
-    means: Floats = (total - cut) * ordered[-1] - cut * ordered[0] - kept[:, :-1] @ np.diff(ordered)
+    means: Floats = (
+        (total - cut) * ordered[-1]
+        - cut * ordered[0]
+        - weighted_sums(kept[:, :-1], np.diff(ordered)[:, None])[:, 0]
+    )
     return means / (total - 2 * cut)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from qinit_cli.analysis.normality import FEWEST_TASKS
 from qinit_cli.arrays import Flags, Floats, Integers
+from qinit_cli.elementary import exp, ln, ln1p, power
 
 _STEPS = 30  # of Newton's method, which needs about ten
 _SMALLEST_SPREAD = 1e-4  # of the largest value: below, all of them are the normal, and digits run out
@@ -112,45 +113,45 @@ def _variance(values: Floats, counted: Flags) -> Floats:
 
 def normal(train: Floats, counted: Flags, at: Floats) -> Floats:
     mean, variance = _mean(train, counted), _variance(train, counted)
-    return -((at - mean) ** 2) / (2 * variance) - np.log(2 * np.pi * variance) / 2
+    return -((at - mean) ** 2) / (2 * variance) - ln(2 * np.pi * variance) / 2
 
 
 def lognormal(train: Floats, counted: Flags, at: Floats) -> Floats:
-    return normal(np.log(train), counted, np.log(at)) - np.log(at)
+    return normal(ln(train), counted, ln(at)) - ln(at)
 
 
 def gamma(train: Floats, counted: Flags, at: Floats) -> Floats:
     from scipy.special import gammaln, polygamma, psi
 
     mean = _mean(train, counted)
-    excess = -_mean(np.log(train / mean), counted)  # of ln(mean) over mean(ln), above 0
+    excess = -_mean(ln(train / mean), counted)  # of ln(mean) over mean(ln), above 0
     shape = (3 - excess + np.sqrt((excess - 3) ** 2 + 24 * excess)) / (12 * excess)
     for _ in range(_STEPS):  # Newton in 1/shape (Minka, 2002)
         slope = 1 / shape - polygamma(1, shape)
-        inverse = 1 / shape + (np.log(shape) - psi(shape) - excess) / (shape**2 * slope)
+        inverse = 1 / shape + (ln(shape) - psi(shape) - excess) / (shape**2 * slope)
         shape = 1 / inverse
     ratio = at * shape / mean
-    density: Floats = shape * np.log(ratio) - ratio - np.log(at) - gammaln(shape)
+    density: Floats = shape * ln(ratio) - ratio - ln(at) - gammaln(shape)
     return density
 
 
 def weibull(train: Floats, counted: Flags, at: Floats) -> Floats:
-    logs = np.log(train)
+    logs = ln(train)
     centre = _mean(logs, counted)
     logs = logs - centre
     shape = np.pi / np.sqrt(6 * _variance(logs, counted))  # that of the moments of ln Q
     largest = np.max(logs, axis=0, where=counted, initial=-np.inf)
     for _ in range(_STEPS):
-        power = np.where(counted, np.exp(shape * (logs - largest)), 0.0)
+        power = np.where(counted, exp(shape * (logs - largest)), 0.0)
         weight = power / power.sum(axis=0)
         tilted = np.sum(weight * logs, axis=0)
         spread = np.sum(weight * (logs - tilted) ** 2, axis=0)
         # the likelihood equation in 1/shape: tilted(shape) - 1/shape = 0, which increases in the shape
         shape = shape / (1 + (tilted - 1 / shape) * shape / (1 + shape**2 * spread))
-    power = np.where(counted, np.exp(shape * (logs - largest)), 0.0)
-    scale = largest + np.log(_mean(power, counted)) / shape
-    above = np.log(at) - centre - scale
-    density: Floats = np.log(shape) + shape * above - np.exp(np.minimum(shape * above, 700.0)) - np.log(at)
+    power = np.where(counted, exp(shape * (logs - largest)), 0.0)
+    scale = largest + ln(_mean(power, counted)) / shape
+    above = ln(at) - centre - scale
+    density: Floats = ln(shape) + shape * above - exp(np.minimum(shape * above, 700.0)) - ln(at)
     return density
 
 
@@ -159,7 +160,7 @@ def beta(train: Floats, counted: Flags, at: Floats) -> Floats:
 
     inside = np.max(train, axis=0, where=counted, initial=0.0) < 1
     safe = np.where(inside, train, 0.5)
-    left, right = _mean(np.log(safe), counted), _mean(np.log1p(-safe), counted)
+    left, right = _mean(ln(safe), counted), _mean(ln1p(-safe), counted)
     mean, variance = _mean(safe, counted), np.where(inside, _variance(safe, counted), 0.05)
     size = np.maximum(mean * (1 - mean) / variance - 1, 1e-3)
     a, b = mean * size, (1 - mean) * size
@@ -171,33 +172,33 @@ def beta(train: Floats, counted: Flags, at: Floats) -> Floats:
         determinant = aa * bb - common**2
         step_a = (bb * first - common * second) / determinant
         step_b = (aa * second - common * first) / determinant
-        a = a * np.exp(np.clip(-step_a / a, -2, 2))
-        b = b * np.exp(np.clip(-step_b / b, -2, 2))
+        a = a * exp(np.clip(-step_a / a, -2, 2))
+        b = b * exp(np.clip(-step_b / b, -2, 2))
     below = at < 1
     known = np.where(below, at, 0.5)
-    density = (a - 1) * np.log(known) + (b - 1) * np.log1p(-known) - betaln(a, b)
+    density = (a - 1) * ln(known) + (b - 1) * ln1p(-known) - betaln(a, b)
     return np.where(below & inside, density, -np.inf)
 
 
 def empirical(train: Floats, counted: Flags, at: Floats) -> Floats:
-    logs, wanted = np.log(train), np.log(at)
+    logs, wanted = ln(train), ln(at)
     n = counted.sum(axis=0)
     ordered = np.sort(np.where(counted, logs, np.nan), axis=0)
     quartiles = np.nanquantile(ordered, [0.25, 0.75], axis=0)
     deviation = np.sqrt(_variance(logs, counted) * n / (n - 1))
     robust = (quartiles[1] - quartiles[0]) / 1.349
-    width = 0.9 * np.where(robust > 0, np.minimum(deviation, robust), deviation) * n**-0.2
+    width = 0.9 * np.where(robust > 0, np.minimum(deviation, robust), deviation) * power(n, -0.2)
     # task by task: all kernels at once would be N times the table
     totals = np.stack(
         [_log_sum_exp(np.where(counted, -(((w - logs) / width) ** 2) / 2, -np.inf)) for w in wanted]
     )
-    density: Floats = totals - np.log(n * width * np.sqrt(2 * np.pi)) - wanted
+    density: Floats = totals - ln(n * width * np.sqrt(2 * np.pi)) - wanted
     return density
 
 
 def _log_sum_exp(values: Floats) -> Floats:
     most = values.max(axis=0)
-    return np.asarray(most + np.log(np.exp(values - most).sum(axis=0)))
+    return np.asarray(most + ln(exp(values - most).sum(axis=0)))
 
 
 EMPIRICAL = "empirical"

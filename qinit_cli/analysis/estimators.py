@@ -13,6 +13,7 @@ from statistics import NormalDist
 import numpy as np
 
 from qinit_cli.arrays import Floats, Integers
+from qinit_cli.elementary import exp
 
 Estimator = Callable[[Integers, Floats, Floats], Floats]
 
@@ -34,7 +35,7 @@ def lognormal_median(n: Integers, mu: Floats, squares: Floats, estimator: str) -
 
 def lognormal_quantile(mu: Floats, sigma: Floats, quantile: float) -> Floats:
     """exp(mu + z sigma) with z = Phi^-1(quantile), 0 < quantile < 1: maximum likelihood only."""
-    return np.exp(mu + NormalDist().inv_cdf(quantile) * sigma)
+    return exp(mu + NormalDist().inv_cdf(quantile) * sigma)
 
 
 def _estimate(estimator: Estimator, few: Estimator, n: Integers, mu: Floats, squares: Floats) -> Floats:
@@ -46,34 +47,34 @@ def _estimate(estimator: Estimator, few: Estimator, n: Integers, mu: Floats, squ
 
 
 def _mean_mle(n: Integers, mu: Floats, squares: Floats) -> Floats:
-    return np.exp(mu + squares / n / 2)
+    return exp(mu + squares / n / 2)
 
 
 def _median_mle(n: Integers, mu: Floats, squares: Floats) -> Floats:
-    return np.exp(mu)
+    return exp(mu)
 
 
 def _mean_umvue(n: Integers, mu: Floats, squares: Floats) -> Floats:
-    return np.exp(mu) * confluent_limit((n - 1) / 2, (n - 1) * squares / (4 * n))
+    return exp(mu) * confluent_limit((n - 1) / 2, (n - 1) * squares / (4 * n))
 
 
 def _median_umvue(n: Integers, mu: Floats, squares: Floats) -> Floats:
-    return np.exp(mu) * confluent_limit((n - 1) / 2, -squares / (4 * n))
+    return exp(mu) * confluent_limit((n - 1) / 2, -squares / (4 * n))
 
 
 def _mean_zellner(n: Integers, mu: Floats, squares: Floats) -> Floats:
     variance = squares / (n - 1)
-    return np.exp(mu + variance / 2 - 3 * variance / (2 * n))
+    return exp(mu + variance / 2 - 3 * variance / (2 * n))
 
 
 def _median_zellner(n: Integers, mu: Floats, squares: Floats) -> Floats:
     variance = squares / (n - 1)
-    return np.exp(mu - 3 * variance / (2 * n))
+    return exp(mu - 3 * variance / (2 * n))
 
 
 def _mean_shen(n: Integers, mu: Floats, squares: Floats) -> Floats:
     variance = squares / (n - 1)
-    return np.exp(mu + (n - 1) * variance / (2 * (n + 4) + 3 * variance))
+    return exp(mu + (n - 1) * variance / (2 * (n + 4) + 3 * variance))
 
 
 MEANS: dict[str, Estimator] = {

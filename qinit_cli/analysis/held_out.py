@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qinit_cli.arrays import Floats
+from qinit_cli.elementary import ln
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ def held_out_error(start: Floats, q: Floats) -> HeldOutError:
     table = start.ravel()
     error = table - tables
     both = (table > 0) & (tables > 0)
-    ratio = np.log(np.where(both, table, 1.0)) - np.log(np.where(both, tables, 1.0))
+    ratio = ln(np.where(both, table, 1.0)) - ln(np.where(both, tables, 1.0))
     n = both.sum(axis=1)
     return HeldOutError(
         absolute=np.abs(error).mean(axis=1),

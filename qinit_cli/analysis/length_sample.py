@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from qinit_cli.analysis.rounded_normal import rounded_normality
 from qinit_cli.arrays import Floats
+from qinit_cli.elementary import exp
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class LengthSample:
     def normal_density(self, at: Floats) -> Floats:
         """Of the normal with the sample's mean and deviation, which must not be 0."""
         z = (at - self.mean) / self.deviation
-        density: Floats = np.exp(-(z**2) / 2) / (self.deviation * np.sqrt(2 * np.pi))
+        density: Floats = exp(-(z**2) / 2) / (self.deviation * np.sqrt(2 * np.pi))
         return density
 
     def smooth_density(self, at: Floats) -> Floats:
@@ -47,7 +48,7 @@ class LengthSample:
         spread = min(self.deviation, robust) if robust > 0 else self.deviation
         width = max(0.9 * spread * self.lengths.size**-0.2, 0.5)
         z = (at[:, None] - self.lengths) / width
-        density: Floats = np.exp(-(z**2) / 2).mean(axis=1) / (width * np.sqrt(2 * np.pi))
+        density: Floats = exp(-(z**2) / 2).mean(axis=1) / (width * np.sqrt(2 * np.pi))
         return density
 
     def rounded_normal(self, rng: np.random.Generator) -> tuple[float, float]:

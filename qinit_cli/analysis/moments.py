@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats, Integers
+from qinit_cli.elementary import ln
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def block_moments(q: Floats, eopl: NDArray[np.integer]) -> SourceMoments:
     positive = q > 0
     value = q.max(axis=-1)
     return SourceMoments(
-        log_q=moments(np.log(np.where(positive, q, 1.0)), positive),
+        log_q=moments(ln(np.where(positive, q, 1.0)), positive),
         q=moments(q, positive),
         eopl=moments(eopl.astype(np.float64), eopl >= 0),
         value=moments(value, np.ones(value.shape, dtype=np.bool_)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qinit_cli.analysis.multiplicity import holm
+from qinit_cli.analysis.weighted_sums import weighted_sums
 from qinit_cli.arrays import Flags, Floats, Integers
 
 RESAMPLES = 10_000
@@ -31,7 +32,7 @@ def sign_flip_p(differences: Floats, rng: np.random.Generator, resamples: int = 
         bits = (
             _all_bits(first, size, targets) if exact else rng.integers(0, 2, (size, targets), dtype=np.int8)
         )
-        extreme += np.count_nonzero(np.abs((2.0 * bits - 1.0) @ differences) >= observed, axis=0)
+        extreme += np.count_nonzero(np.abs(weighted_sums(2.0 * bits - 1.0, differences)) >= observed, axis=0)
     return extreme / patterns if exact else (extreme + 1) / (patterns + 1)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qinit_cli.analysis.weighted_sums import weighted_sums
 from qinit_cli.arrays import Floats, Integers
 
 RESAMPLES = 10_000
@@ -29,16 +30,18 @@ class Crossed:
     def means(self, values: Floats) -> Floats:
         """Mean of `values` (R, T, M) in each sample, (B, M)."""
         sets, targets, metrics = values.shape
-        over_targets = self.met @ values.transpose(1, 0, 2).reshape(targets, sets * metrics)
+        over_targets = weighted_sums(self.met, values.transpose(1, 0, 2).reshape(targets, sets * metrics))
         by_set = over_targets.reshape(-1, sets, metrics)
-        means: Floats = np.einsum("br,brm->bm", self.chosen, by_set) / (sets * targets)
+        means: Floats = np.einsum("br,brm->bm", self.chosen, by_set, optimize=False) / (sets * targets)
         return means
 
     def pair_means(self, values: Floats) -> Floats:
         """Mean of `values` (R, R, T) over pairs of a sample's sets, and over its targets, (B,)."""
         sets, _, targets = values.shape
-        pairs = (self.met @ values.reshape(sets * sets, targets).T).reshape(-1, sets, sets)
-        means: Floats = np.einsum("br,brs,bs->b", self.chosen, pairs, self.chosen) / (sets**2 * targets)
+        pairs = weighted_sums(self.met, values.reshape(sets * sets, targets).T).reshape(-1, sets, sets)
+        means: Floats = np.einsum("br,brs,bs->b", self.chosen, pairs, self.chosen, optimize=False) / (
+            sets**2 * targets
+        )
         return means
 
     def counts(self) -> Integers:
@@ -56,12 +59,12 @@ class Nested:
     def means(self, values: Floats) -> Floats:
         """Mean of `values` (R, T, M) in each sample, (B, M)."""
         flat = values.reshape(-1, values.shape[2])
-        means: Floats = self.held @ flat / len(flat)
+        means: Floats = weighted_sums(self.held, flat) / len(flat)
         return means
 
     def pair_means(self, values: Floats) -> Floats:
         """Mean of `values` (1, R, T) in each sample, (B,): sets that met other targets make no pairs."""
-        means: Floats = self.held @ values.ravel() / values.size
+        means: Floats = weighted_sums(self.held, values.reshape(-1, 1))[:, 0] / values.size
         return means
 
     def counts(self) -> Integers:

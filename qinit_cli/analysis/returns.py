@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats
+from qinit_cli.elementary import power
 
 JUMPSTART_EPISODES = 10
 ASYMPTOTIC_SHARE = 0.1
@@ -13,7 +14,7 @@ ASYMPTOTIC_SHARE = 0.1
 
 def discounted_returns(steps: NDArray[np.integer], reached: Flags, gamma: float) -> Floats:
     """gamma^(steps - 1) where the goal was reached, else 0, (T, E): the reward is 1 on entering the goal."""
-    return np.where(reached, np.power(gamma, steps - 1.0), 0.0)
+    return np.where(reached, power(gamma, steps - 1.0), 0.0)
 
 
 def restricted_steps(steps: NDArray[np.integer], horizon: int) -> Floats:

@@ -6,9 +6,12 @@ are exact here; scipy.stats.shapiro approximates them, so that the two agree to 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from qinit_cli.arrays import Floats
+from qinit_cli.elementary import ln
 
 # Royston's polynomials, lowest power first: in 1/sqrt(n) the two outer weights, in n the small samples'
 # bound, location and log scale, in ln n the larger samples' location and log scale.
@@ -29,14 +32,15 @@ def shapiro_wilk(ordered: Floats) -> tuple[Floats, Floats]:
 
     lack = lack_of_fit(ordered, weights(ordered.shape[1]))
     n = float(ordered.shape[1])
-    with np.errstate(divide="ignore"):
-        logarithm = np.log(lack)
+    logarithm = ln(lack)
     if n > _SMALL:
-        normal = (logarithm - _polynomial(_LOCATION, np.log(n))) / np.exp(_polynomial(_SCALE, np.log(n)))
+        normal = (logarithm - _polynomial(_LOCATION, math.log(n))) / math.exp(
+            _polynomial(_SCALE, math.log(n))
+        )
         return 1 - lack, ndtr(-normal)
     # W has a lower bound, so that the bound on its logarithm is out of reach for every size from 4 on
-    transformed = -np.log(_polynomial(_SMALL_BOUND, n) - logarithm)
-    normal = (transformed - _polynomial(_SMALL_LOCATION, n)) / np.exp(_polynomial(_SMALL_SCALE, n))
+    transformed = -ln(_polynomial(_SMALL_BOUND, n) - logarithm)
+    normal = (transformed - _polynomial(_SMALL_LOCATION, n)) / math.exp(_polynomial(_SMALL_SCALE, n))
     return 1 - lack, ndtr(-normal)
 
 
@@ -44,7 +48,7 @@ def lack_of_fit(ordered: Floats, weight: Floats) -> Floats:
     """1 - W, (...,), of samples (..., n) in ascending order: taken directly, it keeps its digits near 0."""
     deviations = ordered - ordered.mean(axis=-1, keepdims=True)
     deviations /= ordered[..., -1:] - ordered[..., :1]
-    fitted = deviations @ weight
+    fitted = np.sum(deviations * weight, axis=-1)
     size = np.sqrt(np.sum(deviations**2, axis=-1) * np.sum(weight**2))
     lack: Floats = (size - fitted) * (size + fitted) / size**2
     return lack

@@ -8,12 +8,14 @@ product form as printed and by the length alone, and both are set beside the act
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats, Integers
+from qinit_cli.elementary import exp, ln
 
 FEWEST_TASKS = 3  # two points lie on a line whatever they are
 
@@ -61,10 +63,10 @@ def theory(q: Floats, eopl: NDArray[np.integer], gamma: float, log_path: Floats)
     stretches to it; where every step has the same probability p that is H ln p.
     """
     counted = (q > 0) & (eopl >= 1)
-    logs = np.log(np.where(counted, q, 1.0))
+    logs = ln(np.where(counted, q, 1.0))
     lengths = np.where(counted, eopl, 1).astype(np.float64)
     n = counted.sum(axis=0)
-    slope = np.log(gamma)
+    slope = math.log(gamma)
     length_form = (lengths - 1) * slope
     product_form = lengths * slope + np.where(counted, log_path, 0.0)
     total = _squares(logs, counted)
@@ -85,7 +87,7 @@ def _prediction(predicted: Floats, actual: Floats, counted: Flags) -> Prediction
     return Prediction(
         bias=_mean(error, counted),
         spread=np.sqrt(_mean(error**2, counted)),
-        mean_ratio=_mean(np.exp(predicted), counted) / _mean(np.exp(actual), counted),
+        mean_ratio=_mean(exp(predicted), counted) / _mean(exp(actual), counted),
     )
 
 

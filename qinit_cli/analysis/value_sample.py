@@ -9,6 +9,7 @@ import numpy as np
 from qinit_cli.analysis.normality import is_testable
 from qinit_cli.analysis.shapiro import shapiro_wilk
 from qinit_cli.arrays import Floats
+from qinit_cli.elementary import exp, ln
 
 LEVEL = 0.95
 
@@ -29,7 +30,7 @@ class ValueSample:
     @property
     def logarithms(self) -> Floats:
         """ln Q, (n,), ascending."""
-        return np.log(self.values)
+        return ln(self.values)
 
     @property
     def median(self) -> float:
@@ -48,12 +49,12 @@ class ValueSample:
 
     def density(self, at: Floats) -> Floats:
         """Of the fitted log-normal."""
-        return self.log_density(np.log(at)) / at
+        return self.log_density(ln(at)) / at
 
     def log_density(self, at: Floats) -> Floats:
         """Of the fitted normal at values of ln Q."""
         z = (at - self.mu) / self.sigma
-        density: Floats = np.exp(-(z**2) / 2) / (self.sigma * np.sqrt(2 * np.pi))
+        density: Floats = exp(-(z**2) / 2) / (self.sigma * np.sqrt(2 * np.pi))
         return density
 
     def normal_scores(self) -> Floats:

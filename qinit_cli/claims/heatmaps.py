@@ -72,7 +72,8 @@ def rank_correlation(first: Floats, second: Floats) -> float:
     ranks = np.stack([rankdata(first), rankdata(second)])
     if (np.ptp(ranks, axis=1) == 0).any():
         return float("nan")
-    return float(np.corrcoef(ranks)[0, 1])
+    one, other = ranks - ranks.mean(axis=1, keepdims=True)
+    return float(np.sum(one * other) / np.sqrt(np.sum(one**2) * np.sum(other**2)))
 
 
 def _correlations(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:

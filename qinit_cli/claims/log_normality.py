@@ -20,6 +20,7 @@ from qinit_cli.claims import over_sets
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence
 from qinit_cli.claims.setting import ASKED_NOISES, GRIDWORLD, MOUNTAIN_CAR, NOISES, Setting, variance
+from qinit_cli.elementary import ln
 
 GRIDWORLD_PLACES = ("(0, 0)", "(20, 20)", "(29, 29)")
 MOST_POOLED = 5_000  # values that Shapiro-Wilk's p was made for
@@ -40,7 +41,7 @@ def findings(evidence: Evidence, family: str, exception: int, rows: int) -> Iter
 
 def _at(setting: Setting, place: str, samples: list[Floats], normal: bool, rows: int) -> Iterator[Finding]:
     tests = {
-        "ln Q": np.array([shapiro_wilk_of(np.log(sample)) for sample in samples]),
+        "ln Q": np.array([shapiro_wilk_of(ln(sample)) for sample in samples]),
         "Q itself": np.array([shapiro_wilk_of(sample) for sample in samples]),
     }
     for quantity, tested in tests.items():
@@ -70,7 +71,7 @@ def _at(setting: Setting, place: str, samples: list[Floats], normal: bool, rows:
         yield Finding(
             setting,
             f"p of ln Q at {place}, all tasks pooled",
-            shapiro_wilk_of(np.log(pooled))[1],
+            shapiro_wilk_of(ln(pooled))[1],
             sets=len(samples),
         )
 

@@ -209,7 +209,7 @@ class TableFamily(NeutralFamily):
 
     def start_value(self, q: Floats) -> Floats:
         """max_a of `q` (B, S, A) at the target start, (B,); its mean where that is drawn."""
-        values: Floats = q.max(axis=2) @ self.starts()
+        values: Floats = (q.max(axis=2) * self.starts()).sum(axis=1)
         return values
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:

@@ -165,13 +165,15 @@ class SlipperyGrid:
         """ln of the chance of the path, (B, S, 4): every step after the first moves, and does so with chance p."""
         import numpy as np
 
+        from qinit_cli.elementary import ln
+
         p = tasks["p"][:, None, None]
         slip = (1 - p) / 3
         # the first step may be meant for a wall, and stays as often as any of the cell's walls is met
         wall = self._walls()
         walls = wall.sum(axis=1, keepdims=True)
         first = np.maximum(np.where(wall, p + (walls - 1) * slip, p), walls * slip)
-        ways: Floats = np.log(first) + (lengths - 1) * np.log(p)
+        ways: Floats = ln(first) + (lengths - 1) * ln(p)
         return ways
 
     def _walls(self) -> Flags:
@@ -215,11 +217,13 @@ class SlipperyGrid:
         """How near each cell is to the task's goal, 0 to 1, (B, S): gamma^d, or 1 - d/d_max, d the Manhattan distance."""
         import numpy as np
 
+        from qinit_cli.elementary import power
+
         row, column = np.divmod(np.arange(self.size**2), self.size)
         down = np.abs(row - tasks["goal_row"][:, None].astype(np.int64))
         across = np.abs(column - tasks["goal_col"][:, None].astype(np.int64))
         distance = down + across
-        near: Floats = 1 - distance / (2 * (self.size - 1)) if linear else np.power(gamma, distance)
+        near: Floats = 1 - distance / (2 * (self.size - 1)) if linear else power(gamma, distance)
         return near
 
     def _goals(self, tasks: Tasks) -> Integers:

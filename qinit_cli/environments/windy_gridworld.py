@@ -150,9 +150,11 @@ class WindyGridworld(TableFamily):
         """How near each cell is to the goal, 0 to 1, (S,): gamma^d, or 1 - d/d_max, d the Manhattan distance."""
         import numpy as np
 
+        from qinit_cli.elementary import power
+
         row, column = np.divmod(np.arange(self.size**2), self.size)
         distance = np.abs(row - self._place[0]) + np.abs(column - self._place[1])
-        near: Floats = 1 - distance / (2 * (self.size - 1)) if linear else np.power(gamma, distance)
+        near: Floats = 1 - distance / (2 * (self.size - 1)) if linear else power(gamma, distance)
         return near
 
     @property

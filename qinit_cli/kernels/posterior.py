@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.arrays import Floats, Integers
+from qinit_cli.elementary import exp, ln
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.lane import ROW, WORTH, make_terminal
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
@@ -46,10 +47,10 @@ class Hypotheses:
     def mean(self) -> Floats:
         """The tables' mean under equal weights, (S, A): over those that know the pair, NaN where none does."""
         known = self.q > 0
-        terms = np.log(self.q, where=known, out=np.zeros_like(self.q)) if self.geometric else self.q * known
+        terms = ln(np.where(known, self.q, 1.0)) if self.geometric else self.q * known
         with np.errstate(invalid="ignore"):
             mean: Floats = terms.sum(axis=0) / known.sum(axis=0)
-        return np.exp(mean) if self.geometric else mean
+        return exp(mean) if self.geometric else mean
 
 
 class Posterior(NamedTuple):
@@ -104,9 +105,7 @@ def new_posterior(
     values = columns(hypotheses.q)
     precision: Floats = known / (hypotheses.td_var + hypotheses.floor**2)
     usual = hypotheses.td_var * (1.0 if hypotheses.centred else 0.0)
-    logs = (
-        np.log(hypotheses.q, where=known, out=np.zeros_like(hypotheses.q)) if hypotheses.geometric else None
-    )
+    logs = ln(np.where(known, hypotheses.q, 1.0)) if hypotheses.geometric else None
     return Posterior(
         tables=count,
         actions=actions,

@@ -166,9 +166,10 @@ def _normality(q: Floats, *, chance: Any, test: str) -> dict[str, Any]:
     import numpy as np
 
     from qinit_cli.analysis.normality import named_tests, normality
+    from qinit_cli.elementary import ln
 
     positive = q > 0
-    logarithms = np.log(np.where(positive, q, 1.0))
+    logarithms = ln(np.where(positive, q, 1.0))
     return _told("normality", normality(logarithms, positive, named_tests(chance)[TESTS[test].lower()]))
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from qinit_cli.analysis.moments import Moments, merged, moments
+from qinit_cli.elementary import ln
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit
 from qinit_cli.methods import Initial, Method
@@ -45,14 +46,14 @@ class Known:
     def of(cls, fit: Fit) -> Known:
         """What the fit knows."""
         return cls(
-            log_q=_moments(fit.n, fit.mu, fit.sigma, np.log(fit.min), np.log(fit.max)),
+            log_q=_moments(fit.n, fit.mu, fit.sigma, ln(fit.min), ln(fit.max)),
             q=_moments(fit.n, fit.mean, fit.std, fit.min, fit.max),
         )
 
     def with_task(self, q: Floats, visits: Integers, min_visits: int) -> Known:
         """With one more task's positive values (S, A), of the pairs that it visited at least so often."""
         counted = ((visits >= min_visits) & (q > 0))[None]
-        logs = np.log(np.where(counted, q[None], 1.0))
+        logs = ln(np.where(counted, q[None], 1.0))
         return Known(
             log_q=merged(self.log_q, moments(logs, counted)), q=merged(self.q, moments(q[None], counted))
         )

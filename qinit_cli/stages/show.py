@@ -43,6 +43,8 @@ def show(artefact: Artefact) -> Shown:
 def _sources(artefact: Artefact) -> Shown:
     import numpy as np
 
+    from qinit_cli.elementary import ln
+
     spec = artefact.spec
     family = family_of(spec) if spec["family"]["name"] in FAMILIES else None
     compared = family is not None and family.tabular and spec["learner"] != "exact"
@@ -83,7 +85,7 @@ def _sources(artefact: Artefact) -> Shown:
             "start_value_median": float(np.median(values)),
             "start_value_zero": int((values <= 0).sum()),
         }
-    return Shown(numbers, np.log(values[values > 0]))
+    return Shown(numbers, ln(values[values > 0]))
 
 
 def _tasks(family: Family, block: dict[str, Any]) -> Tasks:
