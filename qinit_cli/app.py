@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from qinit_cli import __version__, configuration
+from qinit_cli import __version__, configuration, signals
 from qinit_cli.commands import (
     bench,
     compare,
@@ -157,6 +157,9 @@ def run(arguments: list[str]) -> int:
     except typer.TyperException as error:
         return _say(_usage(error), UsageError.exit_code)
     except Exception as error:
+        code = signals.exit_code()
+        if code is not None:  # whatever caught the signal's exception made this error of it
+            return code
         if "--debug" in arguments:
             sys.stderr.write(printable("".join(traceback.format_exception(error)), keep="\n"))
         return _say(*_sentence(error))

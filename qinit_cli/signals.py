@@ -1,16 +1,30 @@
 """SIGINT and SIGTERM: by default they end the command at once; while tasks are learned, the first one only asks to stop.
 
 Nothing that is saved can be harmed by ending at once (the store's protocol), so that is safe everywhere else.
+
+The handler raises Interrupted. That is heard of in our own code, but modules that are being imported turn it into an ImportError
+or ignore it, and so do destructors and callbacks of C code. During an import the process therefore ends there and then, and so it
+does where an exception was ignored, or has not ended it in a few seconds.
 """
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any, NoReturn
 
 from qinit_cli.errors import Interrupted
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
+PATIENCE = 5.0  # seconds in which Interrupted is to end the process: threads are joined, pictures' temporary files removed
+IMPORTING = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
+SHOW_CURSOR = b"\x1b[?25h"
+
+_received: list[int] = []  # signals that were to end this process
 
 
 def exit_at_once(number: int, frame: FrameType | None) -> None:
@@ -19,9 +33,21 @@ def exit_at_once(number: int, frame: FrameType | None) -> None:
 
 
 def install() -> None:
-    """Makes both signals end the command with their exit code and no traceback."""
-    signal.signal(signal.SIGINT, exit_at_once)
-    signal.signal(signal.SIGTERM, exit_at_once)
+    """Makes both signals end the process with their exit code and no traceback, whatever it is doing."""
+    for number in ENDING:
+        signal.signal(number, _end_soon)
+    sys.unraisablehook = _unless_interrupted(sys.unraisablehook)
+
+
+def end_from_now_on() -> None:
+    """Both signals end the process where it stands, at its end too, where nobody hears exceptions any more."""
+    for number in ENDING:
+        signal.signal(number, _end)
+
+
+def exit_code() -> int | None:
+    """That of a signal which was to end this process, whatever became of the exception; None where none came."""
+    return 128 + _received[0] if _received else None
 
 
 @contextmanager
@@ -31,13 +57,50 @@ def asking_first(stop: Callable[[], None]) -> Iterator[list[int]]:
 
     def ask(number: int, frame: FrameType | None) -> None:
         if received:
-            exit_at_once(number, frame)
+            (_end_soon if before[signal.Signals(number)] is _end_soon else exit_at_once)(number, frame)
         received.append(number)
         stop()
 
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, ask) for number in ENDING}
     try:
         yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _end_soon(number: int, frame: FrameType | None) -> None:
+    _received.append(number)
+    if len(_received) > 1 or _importing():
+        _end(number)
+    signal.signal(signal.SIGALRM, lambda *_: _end(number))
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    exit_at_once(number, frame)
+
+
+def _importing() -> bool:
+    """Whether a module is being imported just now."""
+    frame: FrameType | None = sys._getframe()
+    while frame is not None:
+        if frame.f_code.co_filename in IMPORTING:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _end(number: int, frame: FrameType | None = None) -> NoReturn:
+    """Ends the process here; a terminal gets back the cursor that a bar had hidden."""
+    if os.isatty(2):
+        os.write(2, SHOW_CURSOR)
+    os._exit(128 + number)
+
+
+def _unless_interrupted(usual: Callable[[Any], object]) -> Callable[[Any], object]:
+    """Ends the process for a signal's exception that Python ignores, as it does in destructors and callbacks."""
+
+    def hook(ignored: Any) -> object:
+        if isinstance(ignored.exc_value, Interrupted):
+            os._exit(ignored.exc_value.exit_code)
+        return usual(ignored)
+
+    return hook

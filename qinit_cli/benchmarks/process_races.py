@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -13,8 +12,10 @@ from statistics import median
 from typing import Any
 
 from qinit_cli.benchmarks.race import Race, Result, Runner
+from qinit_store.interpreter import isolated
 
-QINIT = (sys.executable, "-m", "qinit_cli")
+RUN = "from qinit_cli.__main__ import main; main()"
+PACKAGES = ("qinit_cli", "qinit_store", "typer", "rich", "numpy", "scipy", "h5py", "numba")
 
 
 def start_up() -> Race:
@@ -23,8 +24,8 @@ def start_up() -> Race:
         "start-up",
         "qinit --help",
         "ms",
-        Runner("qinit", lambda: _once((*QINIT, "--help"))),
-        [Runner("bare python", lambda: _once((sys.executable, "-c", "pass")))],
+        Runner("qinit", lambda: _once(isolated(RUN, PACKAGES, "--help"))),
+        [Runner("bare python", lambda: _once(isolated("pass", ())))],
     )
 
 
@@ -84,7 +85,7 @@ def _result(case: str, seconds: Sequence[tuple[float, float]]) -> Result:
 def _told(arguments: Sequence[str], stdin: str) -> tuple[float, dict[str, Any]]:
     """Wall seconds of a command, and the object it prints."""
     began = time.perf_counter()
-    ended = _run((*QINIT, *arguments, "--json", "--quiet"), stdin)
+    ended = _run(isolated(RUN, PACKAGES, *arguments, "--json", "--quiet"), stdin)
     return time.perf_counter() - began, json.loads(ended)
 
 

@@ -9,18 +9,19 @@ import json
 import os
 import resource
 import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
+from qinit_store.interpreter import isolated
 from qinit_store.presence import exists
 from qinit_store.wording import shell_line
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
 UNREAD = "unread"
-PROGRAM = "import sys; from qinit_store.verify import child; child(sys.argv[1:])"
+PROGRAM = "from qinit_store.verify import child; child(sys.argv[1:])"
+PACKAGES = ("qinit_store", "numpy", "h5py")  # what it imports from elsewhere than the standard library
 ERRORS = {UNREAD: SystemFailed, **{error.state: error for error in (Damaged, NotOurs, TooNew)}}
 
 
@@ -56,7 +57,7 @@ def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS) -> Verdi
     """What a child process limited to `memory` bytes and `seconds` finds; NotFound where there is nothing."""
     if not exists(path):
         raise NotFound(f"there is no {path}; `qinit list` shows what there is")
-    command = [sys.executable, "-c", PROGRAM, str(path), str(memory), str(seconds)]
+    command = isolated(PROGRAM, PACKAGES, str(path), str(memory), str(seconds))
     try:
         done = subprocess.run(
             command, capture_output=True, timeout=seconds + 30, env=_environment(), check=False
@@ -120,6 +121,4 @@ def _examined(path: Path) -> Verdict:
 
 
 def _environment() -> dict[str, str]:
-    package = str(Path(__file__).resolve().parents[1])
-    paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
+    return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
