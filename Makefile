@@ -12,7 +12,7 @@ demo: $(VENV)/.installed ## sources, a fit, three transfers, a comparison and a 
 	PATH="$(abspath $(BIN)):$$PATH" sh tests/demo.sh $(DEMO)
 
 test: $(VENV)/.test ## the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 soak: $(VENV)/.test ## long soak and fault-injection runs
 	$(BIN)/python -m pytest -m soak

@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import subprocess
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from running import QINIT, Ended, Pipeline, run_here
 
-QINIT = Path(sys.executable).with_name("qinit")
 SMALL_SOURCES = ("gridworld", "--size", "6", "--tasks", "4", "--episodes", "200", "--variance", "2")
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def path(self) -> Path:
-        """The artefact's path, which must be all that is on stdout."""
-        [line] = self.out.splitlines()
-        return Path(line)
 
 
 @pytest.fixture(autouse=True)
@@ -41,20 +22,6 @@ def plain_surroundings(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest
         monkeypatch.delenv(name)
     for name in ("NO_COLOR", "FORCE_COLOR", "COLUMNS"):
         monkeypatch.delenv(name, raising=False)
-
-
-def run_here(arguments: Sequence[str], stdin: str = "") -> Ended:
-    """One command line in this process, with stdin as given."""
-    from qinit_cli.app import run
-
-    out, err, before = io.StringIO(), io.StringIO(), sys.stdin
-    sys.stdin = io.StringIO(stdin)
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = run([str(argument) for argument in arguments])
-    finally:
-        sys.stdin = before
-    return Ended(code, out.getvalue(), err.getvalue())
 
 
 @pytest.fixture
@@ -105,16 +72,6 @@ def shell(tmp_path: Path) -> Callable[..., Ended]:
         return Ended(ended.returncode, ended.stdout, ended.stderr)
 
     return call
-
-
-@dataclass(frozen=True)
-class Pipeline:
-    """A small store: sources, their fit, and a run of each method on the same targets."""
-
-    store: Path
-    sources: Path
-    fit: Path
-    runs: Mapping[str, Path]
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 
 import pytest
-from conftest import run_here
+from running import run_here
 
 GRID = ("--size", "6", "--variance", "2", "--tasks", "9", "--episodes", "300")
 CAR = ("--tasks", "3", "--episodes", "2000", "--bins", "8")

@@ -10,7 +10,7 @@ import pytest
 from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 
 def test_a_slip_of_the_hand_gets_the_name_that_was_meant() -> None:

@@ -25,7 +25,7 @@ from qinit_cli.stages.long_tables import TABLES
 from qinit_store.reading import open_artefact
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 QINIT = Path(sys.executable).with_name("qinit")
 

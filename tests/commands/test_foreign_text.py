@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_terminal import _seen
+from running import on_terminal
 
 OURS = re.compile(r"\x1b\[[0-9;]*m")  # colours, bold, dim
 OBEYED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]")
@@ -178,7 +178,7 @@ def test_a_page_holds_the_words_and_nothing_else(
 
 def test_a_terminal_of_its_own_sees_no_more(store: Path, controlling_run: Path) -> None:
     for words in (("list", "--store", store), ("show", store / "runs" / controlling_run.name)):
-        seen, _ = _seen(words, store.parent)
+        seen, _ = on_terminal(words, store.parent)
         assert "old" in seen
         assert not OBEYED.search(OURS.sub("", seen).replace("\r\n", "\n")), repr(seen)
 

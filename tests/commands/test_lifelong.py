@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 Here = Callable[..., "Ended"]
 SHORT = ("--tasks", "4", "--episodes", "60")

@@ -23,7 +23,7 @@ from qinit_store.schema import Axis, sources_schema
 from qinit_store.work import open_work
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 
 def _rows(out: str) -> list[dict[str, str]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import QINIT
+from running import QINIT
 
 LONG_AGO = 1_000_000_000
 MAKEFILE = """

@@ -28,7 +28,7 @@ from qinit_cli.figures.terminal.histogram import histogram
 from qinit_cli.figures.terminal.sheet import Sheet, labels, ticks
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 QINIT = Path(sys.executable).with_name("qinit")
 KINDS = ("sources", "fit", "run")

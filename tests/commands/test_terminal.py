@@ -2,51 +2,16 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
-import pty
 import re
-import struct
-import subprocess
-import sys
-import termios
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+from running import on_terminal
 
-QINIT = Path(sys.executable).with_name("qinit")
 COLOURS = re.compile(r"\x1b\[[0-9;]*(?:3[0-9]|4[0-9]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 LEARN = ("train-sources", "gridworld", "--size", "10", "--tasks", "32", "--episodes", "40000", "--jobs", "2")
-
-
-def _seen(words: tuple[Any, ...], folder: Path, env: Mapping[str, str] | None = None) -> tuple[str, int]:
-    """All that a command writes on a terminal of 80 columns and 24 rows, stdout and stderr alike, and its code."""
-    master, terminal = pty.openpty()
-    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-    surroundings = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
-    process = subprocess.Popen(
-        [QINIT, *map(str, words)],
-        stdin=terminal,
-        stdout=terminal,
-        stderr=terminal,
-        cwd=folder,
-        env={**surroundings, "TERM": "xterm-256color", **(env or {})},
-    )
-    os.close(terminal)
-    seen = b""
-    while True:
-        try:
-            block = os.read(master, 65536)
-        except OSError:  # the other end is closed
-            break
-        if not block:
-            break
-        seen += block
-    os.close(master)
-    return seen.decode(), process.wait(60)
 
 
 def _lines(seen: str) -> list[str]:
@@ -57,7 +22,7 @@ def _lines(seen: str) -> list[str]:
 @pytest.fixture(scope="module")
 def learning(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A stage on a terminal, from its first to its last sign."""
-    seen, code = _seen(LEARN, tmp_path_factory.mktemp("terminal"))
+    seen, code = on_terminal(LEARN, tmp_path_factory.mktemp("terminal"))
     assert code == 0, seen
     return seen
 
@@ -88,7 +53,7 @@ def test_colour_is_left_out_where_the_surroundings_say_so(
     env: dict[str, str], pipeline: Any, tmp_path: Path
 ) -> None:
     for words in (("compare", *pipeline.runs.values()), ("list", "--store", pipeline.store)):
-        seen, code = _seen(words, tmp_path, env)
+        seen, code = on_terminal(words, tmp_path, env)
         assert code == 0, seen
         assert not COLOURS.search(seen)
     if "TERM" in env:
@@ -96,19 +61,19 @@ def test_colour_is_left_out_where_the_surroundings_say_so(
 
 
 def test_colour_is_left_out_of_the_bar_with_color_never(tmp_path: Path) -> None:
-    seen, code = _seen((*LEARN, "--color", "never"), tmp_path)
+    seen, code = on_terminal((*LEARN, "--color", "never"), tmp_path)
     assert code == 0, seen
     assert not COLOURS.search(seen)
 
 
 def test_a_dumb_terminal_gets_no_bar_drawn_over_itself(tmp_path: Path) -> None:
-    seen, code = _seen(LEARN, tmp_path, {"TERM": "dumb"})
+    seen, code = on_terminal(LEARN, tmp_path, {"TERM": "dumb"})
     assert code == 0, seen
     assert "\x1b" not in seen
 
 
 def test_a_table_on_a_terminal_fits_its_eighty_columns(pipeline: Any, tmp_path: Path) -> None:
-    seen, code = _seen(("compare", *pipeline.runs.values()), tmp_path)
+    seen, code = on_terminal(("compare", *pipeline.runs.values()), tmp_path)
     assert code == 0, seen
     lines = _lines(seen)
     assert max(map(len, lines)) <= 80
@@ -136,7 +101,7 @@ def test_a_table_in_a_pipe_has_colour_only_where_always_is_asked_for(
 
 
 def test_quiet_draws_no_bar(tmp_path: Path) -> None:
-    seen, code = _seen((*LEARN, "-q"), tmp_path)
+    seen, code = on_terminal((*LEARN, "-q"), tmp_path)
     assert code == 0
     [path] = _lines(seen)
     assert path.endswith(".h5")

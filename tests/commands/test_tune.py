@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 import pytest
+from running import run_here
 
 from qinit_store.reading import open_artefact
-from tests.conftest import run_here
 
 if TYPE_CHECKING:
-    from tests.conftest import Ended, Pipeline
+    from running import Ended, Pipeline
 
 Here = Callable[..., "Ended"]
 SHORT = ("--episodes", "40", "--quantile", "0.1,0.9")

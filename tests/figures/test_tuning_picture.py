@@ -28,7 +28,7 @@ def _gains(path: Path) -> dict[tuple[float, ...], float]:
 @pytest.fixture(scope="module")
 def tuned(tuning: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """A choice of ops-tl's parameters by the sources of the other choice: `tuned("--rho", "0.9,0.99")`."""
-    from tests.conftest import run_here
+    from running import run_here
 
     def make(*options: str) -> Path:
         path = tmp_path_factory.mktemp("tuned") / "tuning.h5"

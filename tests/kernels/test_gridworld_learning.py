@@ -6,14 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+import reference
 
 from qinit_cli.kernels import dice
 from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
-
-from . import reference
 
 SIZE = 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17])

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import reference
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
@@ -19,8 +20,6 @@ from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 from qinit_cli.stages.sources import sequences
 from qinit_cli.watch import Watch
-
-from . import reference
 
 LAKE = Gym(env_id="FrozenLake-v1", vary=["success_rate=uniform:0.4,0.9"])
 POLE = Gym(

@@ -9,6 +9,7 @@ from itertools import count
 import gymnasium
 import numpy as np
 import pytest
+import reference
 from gymnasium.envs.classic_control import mountain_car as theirs
 
 from qinit_cli.kernels import dice
@@ -19,8 +20,6 @@ from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done
 from qinit_cli.kernels.reals import load_reals, store_reals
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
-
-from . import reference
 
 BINS = 6
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import reference
 from scipy import stats
 
 from qinit_cli.kernels import dice
@@ -19,8 +20,6 @@ from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.reals import load_reals, total
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
-
-from . import reference
 
 SIZE, BINS = 6, 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17, 33, 5])

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import reference
 
 from qinit_cli.kernels import dice
 from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
@@ -15,8 +16,6 @@ from qinit_cli.kernels.stepping import GOAL, LOST
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
-
-from . import reference
 
 TASKS, STATES, ACTIONS, OUTCOMES = 6, 9, 6, 3
 EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
