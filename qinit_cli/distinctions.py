@@ -33,18 +33,19 @@ THEIRS = "sources' "
 COUNTED = {"sources": "sources", "fit": "sources", "run": "targets", "tuning": "sources"}  # what `tasks` are
 
 
-def settings(spec: Spec, *, reads_sources: bool = True) -> Settings:
+def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -> Settings:
     """The settings of an artefact in words.
 
-    Learning is compared within a family, the family's own settings and the method's options among what has one label, for that
-    names them where it can. A fit's sources are settings of the fit, a run's as far as its method `reads_sources`.
+    Learning is compared within a family, the method's options among what has one label, which names some of them; so are the
+    family's own where the artefact is called by its label (`labelled`). A fit's sources are settings of the fit, a run's as far
+    as its method `reads_sources`.
     """
     found: Settings = {}
     if "sources" in spec:
-        found |= settings({**spec["sources"], "kind": "sources"})
+        found |= settings({**spec["sources"], "kind": "sources"}, labelled=labelled)
     elif "source_set" in spec and reads_sources:
         found |= _of_sources(spec["source_set"], spec.get("family"))
-    return found | dict(_own(spec))
+    return found | dict(_own(spec, labelled=labelled))
 
 
 def told_apart(found: Sequence[Settings]) -> list[Settings]:
@@ -63,9 +64,9 @@ def joined(words: Settings) -> str:
     return ", ".join(dict.fromkeys(words.values()))
 
 
-def distinctions(specs: Sequence[Spec]) -> list[str]:
-    """What tells each of these artefacts from the others, "" where no setting does."""
-    return [joined(words) for words in told_apart([settings(spec) for spec in specs])]
+def distinctions(specs: Sequence[Spec], *, labelled: bool = True) -> list[str]:
+    """What tells each of these artefacts from the others, "" where no setting does; `labelled` as in `settings`."""
+    return [joined(words) for words in told_apart([settings(spec, labelled=labelled) for spec in specs])]
 
 
 def with_words(name: str, words: str) -> str:
@@ -73,10 +74,10 @@ def with_words(name: str, words: str) -> str:
     return f"{name}, {words}" if words else name
 
 
-def _own(spec: Spec) -> Iterator[tuple[str, str]]:
+def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
     family = spec.get("family", {})
     within = family.get("name", "")
-    label = label_of(spec) if family else ""
+    label = label_of(spec) if family and labelled else f"{within} family"
     for name, value in _flat({key: part for key, part in family.items() if key != "name"}):
         yield f"{label} {name}", _word(name, value)
     for name, value in spec.items():
@@ -102,18 +103,19 @@ def _said_already(key: str, settings: Settings) -> bool:
 
 def _of_sources(fitted: Spec, targets: Any) -> Settings:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
-    found = {}
+    found: Settings = {}
+    within = f"{OF_SOURCES} {fitted.get('family', {}).get('name', '')}"
     if "family" in fitted:
-        found[f"{OF_SOURCES} family"] = (
+        found[f"{within} family"] = (
             "unshifted" if fitted["family"] == targets else f"sources of {label_of(fitted)}"
         )
     for name, value in _flat(fitted.get("learning", {})):
-        found[f"{OF_SOURCES} learning {name}"] = f"{THEIRS}{_word(name, value)}"
+        found[f"{within} learning {name}"] = f"{THEIRS}{_word(name, value)}"
     for name, value in fitted.items():
         if name not in (*APART, "sources"):
             theirs = THEIRS if name == "seed" else ""
             word = _word("sources" if name == "tasks" else name, value, counted=name == "tasks")
-            found[f"{OF_SOURCES} {name}"] = theirs + word
+            found[f"{within} {name}"] = theirs + word
     return found
 
 

@@ -122,7 +122,9 @@ def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> li
             alike.setdefault((entry.kind, family, method), []).append(at)
     words = [""] * len(entries)
     for places in alike.values():
-        for at, own in zip(places, distinctions([with_seed(entries[at].spec) for at in places]), strict=True):
+        for at, own in zip(
+            places, distinctions([with_seed(entries[at].spec) for at in places], labelled=False), strict=True
+        ):
             words[at] = own
     return words
 
