@@ -65,8 +65,19 @@ def joined(words: Settings) -> str:
 
 
 def distinctions(specs: Sequence[Spec], *, labelled: bool = True) -> list[str]:
-    """What tells each of these artefacts from the others, "" where no setting does; `labelled` as in `settings`."""
-    return [joined(words) for words in told_apart([settings(spec, labelled=labelled) for spec in specs])]
+    """What tells each of these artefacts from the others, "" where no setting does; `labelled` as in `settings`.
+
+    What a run keeps beside its numbers is not told.
+    """
+    apart = told_apart([settings(spec, labelled=labelled) for spec in specs])
+    return [
+        joined({key: word for key, word in words.items() if not key.startswith(OF_RECORD)}) for words in apart
+    ]
+
+
+def separator(labels: Sequence[str]) -> str:
+    """What stands between labels in a sentence: a comma, unless there are commas in them."""
+    return "; " if any("," in label for label in labels) else ", "
 
 
 def with_words(name: str, words: str) -> str:

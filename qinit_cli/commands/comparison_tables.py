@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.tables import TableColumn
+from qinit_cli.distinctions import separator
 from qinit_cli.errors import UsageError
 from qinit_cli.nearest import nearest
 from qinit_store.wording import printable
@@ -68,9 +69,8 @@ def caption(comparison: Comparison, metric: str) -> str:
     worse = [printable(row.label) for row in rows if row.negative_transfer]
     if worse:
         side = "above" if metric == "steps" else "below"
-        apart = "; " if any("," in label for label in worse) else ", "
         lines.append(
-            f"negative transfer: {' and '.join([apart.join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
+            f"negative transfer: {' and '.join([separator(worse).join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
             f"{'are' if worse[1:] else 'is'} worse than learning from zero, the whole interval of the difference {side} 0"
         )
     if any(row.difference is not None and row.ratio is None for row in rows):

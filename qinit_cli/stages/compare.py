@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from qinit_cli.analysis.permutation import can_be_small, fewest_units
-from qinit_cli.distinctions import OF_SOURCES, Settings, joined, with_words
+from qinit_cli.distinctions import OF_SOURCES, Settings, joined, separator, with_words
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
@@ -177,7 +177,8 @@ def _baseline(group: Group, baseline: str) -> Entry | None:
         if baseline in (entry.label, entry.runs[0].label) or baseline in (run.name for run in entry.runs)
     ]
     if len(meant) > 1:
-        names = ", ".join(entry.label for entry in meant)
+        labels = [entry.label for entry in meant]
+        names = separator(labels).join(labels)
         raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")
     return meant[0] if meant else None
 

@@ -185,7 +185,7 @@ def test_a_baseline_that_could_be_two_runs_is_refused_with_their_names(
                     "-o", tmp_path / f"{name}.h5")  # fmt: skip
         assert made.code == 0, made.err
     sentence = _refused(here("compare", "one.h5", "two.h5", "--baseline", "logqinit-median"), 4)
-    assert "logqinit-median one, logqinit-median two" in sentence
+    assert "logqinit-median, alpha 0.1; logqinit-median, alpha 0.05" in sentence
     assert here("compare", "one.h5", "two.h5", "--baseline", "one").code == 0
 
 
