@@ -113,6 +113,23 @@ def tuning(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def lake(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A fit of ice with four holes and a goal, where no source has a value, and a run from it."""
+    folder = tmp_path_factory.mktemp("lake")
+    made = []
+    for words in (
+        ["train-sources", "gym", "FrozenLake-v1", "--vary", "success_rate=uniform:0.4,0.9", "--tasks", "3",
+         "--learner", "exact", "-o", folder / "sources.h5"],
+        ["fit", folder / "sources.h5", "-o", folder / "fit.h5"],
+        ["transfer", "mean", folder / "fit.h5", "--tasks", "2", "--episodes", "5", "-o", folder / "run.h5"],
+    ):  # fmt: skip
+        ended = run_here([*map(str, words), "-q"])
+        assert ended.code == 0, ended.err
+        made.append(ended.path)
+    return made[1], made[2]
+
+
+@pytest.fixture(scope="session")
 def relabelled() -> Callable[[Path, Path, str], Path]:
     """Writes a run again: `relabelled(run, path, label)`."""
     return _relabelled

@@ -226,6 +226,6 @@ def _add(column: Panels, more: Panels, path: Path) -> None:
         if name not in column.tables:
             column.tables[name] = table
             column.runs.update(more.runs)
-        elif not np.array_equal(column.tables[name], table):
+        elif not np.array_equal(column.tables[name], table, equal_nan=True):
             words = name in column.runs and distinctions([column.runs[name], more.runs[name]])[1]
             column.tables[with_words(name, words) if words else f"{name} {path.stem[-8:]}"] = table

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from qinit_store.catalog import FOLDERS
 from qinit_store.reading import describe
 
 Run = Callable[..., Any]
@@ -55,15 +56,64 @@ def test_the_numbers_are_those_of_compare(here: Run, given: list[Path], tmp_path
     assert compared["intervals"][0]["over"][3:] in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
-@pytest.mark.parametrize(("kind", "pictures"), [("sources", 2), ("fit", 2), ("run", 2)])
-def test_each_kind_alone_makes_a_page(
-    here: Run, pipeline: Any, tmp_path: Path, kind: str, pictures: int
+@pytest.mark.parametrize("kind", FOLDERS)
+def test_each_kind_alone_makes_a_page_that_shows_it(
+    here: Run, pipeline: Any, tuning: Path, tmp_path: Path, kind: str
 ) -> None:
-    path = {"sources": pipeline.sources, "fit": pipeline.fit, "run": pipeline.runs["zero"]}[kind]
-    assert here("report", path).code == 0
+    given = {"sources": pipeline.sources, "fit": pipeline.fit, "run": pipeline.runs["zero"], "tuning": tuning}
+    assert here("report", given[kind]).code == 0
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<figure ") == pictures
+    assert page.count("<figure ") == {"tuning": 1}.get(kind, 2)
     assert (">Comparisons<" in page) == (kind == "run")
+    assert (">Tuning<" in page) == (kind == "tuning")
+    assert re.search(
+        rf"All of it rests on 1 ({'set of sources|' if kind == 'sources' else ''}{kind})\.", page
+    )
+    assert describe(given[kind]).content_sha256 in page
+
+
+def test_a_tuning_is_told_with_its_candidates_and_their_curve(
+    here: Run, tuning: Path, tmp_path: Path
+) -> None:
+    assert here("report", tuning).code == 0
+    page = (tmp_path / "report.html").read_text()
+    exported = here("export", tuning, "--to", "csv", "-o", "-").out.splitlines()
+    assert len(exported) > 1
+    assert "--kappa" in page
+    assert "a choice is worth" in page
+    assert page.count("chosen</td>") == 1
+
+
+def test_a_kind_that_no_page_shows_is_refused_in_words(
+    here: Run, one: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qinit_cli.report import document
+
+    monkeypatch.delitem(document.NAMES, "run")
+    ended = here("report", one)
+    assert ended.code == 4
+    assert "is a run, which no page shows; it shows sources, fit, tuning" in ended.err
+
+
+def test_a_page_of_runs_begins_with_what_was_compared_then_the_curves(
+    here: Run, given: list[Path], tmp_path: Path
+) -> None:
+    assert here("report", *given).code == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "paper's" not in page.partition("<h2")[2].partition("</ul>")[0]
+    assert "claims" not in page
+    first = re.findall(r"<figcaption><b>Figure 1. ([^,]*),", page)
+    assert first == ["Learning curves"]
+    assert page.index("<table>") < page.index("<figure ")
+
+
+def test_figures_of_one_title_are_told_apart(here: Run, pipeline: Any, tmp_path: Path) -> None:
+    other = here("transfer", "zero", pipeline.fit, "--tasks", 4, "--episodes", 60, "--gamma", 0.9, "-q").path
+    assert here("report", pipeline.runs["zero"], other).code == 0
+    page = (tmp_path / "report.html").read_text()
+    titles = re.findall(r"<figcaption><b>Figure \d+. (.*?)\.</b>", page)
+    assert len(set(titles)) == len(titles)
+    assert any(title.endswith("gamma 0.9") for title in titles)
 
 
 def test_references_come_from_stdin_and_one_that_comes_twice_counts_once(
@@ -106,7 +156,7 @@ def test_a_page_of_ours_is_made_anew_and_one_that_is_the_same_left_alone(
     again = here("report", one)
     assert (again.code, again.out) == (0, "report.html\n")
     assert "up to date" in again.err
-    assert page.stat().st_mtime_ns == first.st_mtime_ns
+    assert page.stat().st_ino == first.st_ino
     assert here("report", one, "--title", "Another").code == 0
     assert "<h1>Another</h1>" in page.read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]

@@ -203,3 +203,54 @@ def test_an_estimator_without_a_median_leaves_the_median_out_and_says_so(
     assert "logqinit-median is left out" in ended.err
     ended = here("plot", "heatmaps", fit, "--method", "logqinit-median", "-o", tmp_path / "picture.png")
     assert ended.code == 4
+
+
+def test_what_stands_in_where_no_source_has_a_value_is_no_knowledge() -> None:
+    from qinit_cli.pictures.panels import _largest
+
+    start = np.array([[0.3, 0.2], [0.9, 0.4], [0.5, 0.5], [1.0, 1.0]])
+    n = np.array([[3, 1], [0, 2], [0, 1], [0, 0]], np.int32)
+    np.testing.assert_array_equal(_largest(start, "mean", n), [0.3, np.nan, 0.5, np.nan])
+    np.testing.assert_array_equal(_largest(start, "zero", n), [0.3, 0.9, 0.5, 1.0])
+
+
+HOLES_AND_GOAL = [(1, 1), (1, 3), (2, 3), (3, 0), (3, 3)]  # of Gymnasium's map of 4 x 4
+
+
+def test_holes_of_a_frozen_lake_are_grey_and_said_to_be_unknown(drawn: Draw, lake: tuple[Path, Path]) -> None:
+    fit, run = lake
+    figures = [
+        drawn("heatmaps", fit, "--method", "maxqinit", "--method", "zero"),
+        drawn("heatmaps", run),
+        drawn("heatmaps", fit, run, "--method", "mean"),
+    ]
+    for figure in figures:
+        tables = [axes.images[0].get_array() for axes in figure.axes if axes.images]
+        assert [tuple(place) for place in np.argwhere(np.ma.getmaskarray(tables[0]))] == HOLES_AND_GOAL
+        labels = {axes.get_xlabel() for axes in figure.axes} | {axes.get_ylabel() for axes in figure.axes}
+        assert any("grey: no source knows" in label.replace("\n", " ") for label in labels)
+    assert len([axes for axes in figures[2].axes if axes.images]) == 1  # the same start, once
+    zero = [axes.images[0].get_array() for axes in figures[0].axes if axes.images][1]
+    assert not np.ma.getmaskarray(zero).any()
+
+
+def test_a_run_whose_fit_is_not_there_says_that_nothing_is_grey(
+    here: Draw, lake: tuple[Path, Path], tmp_path: Path
+) -> None:
+    alone = tmp_path / "alone.h5"
+    alone.write_bytes(lake[1].read_bytes())
+    ended = here("plot", "heatmaps", alone, "-o", "x.svg")
+    assert ended.code == 0
+    assert "what no source knows is not grey, for its fit is neither given nor beside it" in ended.err
+
+
+def test_one_chance_everywhere_is_not_drawn_black() -> None:
+    from matplotlib.colors import LogNorm
+
+    from qinit_cli.figures.heatmaps import _colours
+
+    chances = np.full((3, 3), 1 / 8)
+    chances[0, 0] = 0
+    norm = _colours(Layer("chance", {("goals", "uniform"): chances}, logarithmic=True))
+    assert isinstance(norm, LogNorm)
+    assert norm(1 / 8) == pytest.approx(0.5)

@@ -159,3 +159,24 @@ def test_no_letter_is_too_small_in_several_panels(
         assert figure.get_size_inches()[0] == inches
         letters = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
         assert min(text.get_fontsize() for text in letters) >= 6.5
+
+
+@pytest.mark.parametrize(
+    ("smooth", "said"), [(20, "discounted return, mean of the last 20 episodes"), (1, "discounted return")]
+)
+def test_the_picture_says_over_how_many_episodes_curves_are_smoothed(
+    drawn: Draw, pipeline: Any, smooth: int, said: str
+) -> None:
+    figure = drawn("curves", *_runs(pipeline, "mean", "zero"), "--smooth", smooth)
+    assert figure.axes[0].get_ylabel().replace("\n", " ") == said
+
+
+def test_panels_of_other_settings_are_named_by_them(drawn: Draw, here: Draw, pipeline: Any) -> None:
+    options = ("--tasks", 4, "--episodes", 60, "-q")
+    others = [
+        here("transfer", "mean", pipeline.fit, *more, *options).path
+        for more in (("--gamma", 0.9), ("--seed", 3))
+    ]
+    figure = drawn("curves", *_runs(pipeline, "mean"), *others)
+    titles = [axes.get_title().split("\n", 1)[1].replace("\n", " ") for axes in figure.axes if axes.lines]
+    assert titles == ["seed 0, gamma 0.95", "seed 3, gamma 0.95", "seed 0, gamma 0.9"]

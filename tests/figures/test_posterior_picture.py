@@ -45,6 +45,17 @@ def test_runs_of_one_method_are_pooled_and_others_have_lines_of_their_own(
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), expected, rtol=1e-6)
 
 
+def test_runs_of_another_discount_are_not_pooled(drawn: Draw, here: Draw, pipeline: Any) -> None:
+    other = here(
+        "transfer", "posterior", pipeline.fit, "--gamma", 0.9, "--tasks", 4, "--episodes", 60, "-q"
+    ).path
+    figure = drawn("posterior", pipeline.runs["posterior"], other)
+    assert [text.get_text() for text in figure.legends[0].texts] == [
+        "posterior, gridworld-6-variance-2, gamma 0.95",
+        "posterior, gridworld-6-variance-2, gamma 0.9",
+    ]
+
+
 @pytest.mark.parametrize("method", ["zero", "ops-tl"])
 def test_runs_that_weigh_nothing_are_refused_by_name(refused: Draw, pipeline: Any, method: str) -> None:
     ended, sentence = refused("posterior", pipeline.runs[method])
