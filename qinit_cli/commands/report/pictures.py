@@ -26,8 +26,8 @@ CAPTIONS = {
     "smooth densities of all distributions.",
     "histograms": "Values over the source tasks at the action of the largest mean, with the fitted log-normal; beneath, how "
     "they lie along its quantiles. A p that does not reject is no evidence of normality.",
-    "heatmaps": "The largest initial value over actions in each state, one colour scale for all; grey where it is no source's; above, "
-    "where goals are drawn.",
+    "heatmaps": "The largest initial value over actions in each state, one colour scale for all; grey where it is no source's; "
+    "above, where goals are drawn.",
     "normality": "The test's statistic and its raw p in each state. A p that does not reject is no evidence of normality.",
     "curves": "Each point is the mean of the last 20 episodes, over targets and source sets.",
     "bars": "Means over all episodes.",
