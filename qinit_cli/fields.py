@@ -10,12 +10,17 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+from numbers import Integral, Real
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+
+UNIONS = (Union, UnionType)  # one type or another: a Literal's is of the first kind
 
 
 def option(
@@ -92,15 +97,44 @@ def numbers(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
 
 
 def check(instance: DataclassInstance) -> None:
-    """Raises ValueError, one sentence, for the first option that is out of its range, not finite or not among its choices."""
+    """Raises ValueError, one sentence, for the first option of a wrong type, out of its range, not finite or no choice."""
     hints = get_type_hints(type(instance))
     for field in options(type(instance)):
         value = getattr(instance, field.name)
+        if not is_of(value, hints[field.name]):
+            raise ValueError(f"{flag(field.name)} is {value!r}; it must be {_named(hints[field.name])}")
         choices = _choices(hints[field.name])
         if choices and value not in (*choices, field.default):  # which may be None
             raise ValueError(f"{flag(field.name)} is {value!r}; {nearest(str(value), choices)}")
         if isinstance(value, int | float) and not isinstance(value, bool):
             _check_number(field, value)
+
+
+def is_of(value: Any, hint: Any) -> bool:
+    """Whether a value is of the type that an annotation names: numbers, text, choices, lists of them; any for another."""
+    if get_origin(hint) in UNIONS:
+        return any(is_of(value, part) for part in get_args(hint))
+    if get_origin(hint) is list:  # a shift brings one alone
+        several = value if isinstance(value, list | tuple) else [value]
+        return all(is_of(one, get_args(hint)[0]) for one in several)
+    if hint in (int, float):
+        return isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool)
+    return isinstance(value, hint) if hint in (bool, str, NoneType) else True
+
+
+def _named(hint: Any) -> str:
+    """What a type is called in a message."""
+    names = {
+        bool: "true or false",
+        int: "a whole number",
+        float: "a number",
+        str: "a text",
+        NoneType: "nothing",
+    }
+    parts = get_args(hint) if get_origin(hint) in UNIONS else (hint,)
+    return " or ".join(
+        names.get(part, "a list of texts" if get_origin(part) is list else "a text") for part in parts
+    )
 
 
 def _choices(hint: Any) -> tuple[str, ...]:

@@ -160,7 +160,7 @@ def _relabelled(run: Path, path: Path, label: str) -> Path:
     from qinit_store.work import open_work
 
     with open_artefact(run, "run") as artefact:
-        spec = {**artefact.spec, "method": {**artefact.spec["method"], "label": label, "note": label}}
+        spec = {**artefact.spec, "method": {**artefact.spec["method"], "label": label}}
         rows = artefact.rows(0, artefact.task_count)
         own = {column.name: rows[column.name] for column in artefact.schema.task_columns}
         statics = {column.name: artefact.read(column.name) for column in artefact.schema.static_columns}

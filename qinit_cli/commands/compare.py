@@ -139,9 +139,9 @@ def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
     """The runs that the references name, verified; each once, those of one file name told apart by their folders."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands import references as named
     from qinit_cli.runs import Run
-    from qinit_store.reading import open_artefact
 
     found: dict[str, tuple[Path, Run]] = {}
     for path in named.many(references, store):

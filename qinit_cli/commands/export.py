@@ -164,7 +164,7 @@ def _write_text(
 
 def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_formats.Opened, imported late
     """What gives the artefacts one by one, each open until the next is asked for."""
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import open_artefact
 
     def opened() -> Iterator[Artefact]:
         for path in paths:

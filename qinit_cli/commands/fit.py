@@ -43,13 +43,13 @@ def add_to(app: typer.Typer) -> None:
 
 def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, display: Display) -> None:
     """Fits the sources, publishes the fit and prints its path."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.making import provenance, say_result, target_path, warn
     from qinit_cli.stages.degenerate import of_fit
     from qinit_cli.stages.fit_findings import findings
-    from qinit_store.reading import open_artefact
 
     path = references.one(sources, output.store, "scipy.special")
     if output.dry_run:
@@ -87,8 +87,8 @@ class Asked:
 
 def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[str, Any]]:
     """Where the fit of the sources at `path` goes, and its spec."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands.making import target_path
-    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as source:
         asked = _asked(source, fitting)
@@ -105,10 +105,11 @@ def make_fit(
     bar: Bar = Progress,
 ) -> tuple[Made, dict[str, Any], Asked]:
     """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands.making import Made, Tally, target_path
     from qinit_cli.specs import plug_ins
     from qinit_cli.watch import Watch
-    from qinit_store.reading import describe, open_artefact
+    from qinit_store.reading import describe
     from qinit_store.work import open_work
 
     with open_artefact(path, "sources") as source:

@@ -204,8 +204,8 @@ def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitt
 
 def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.stages.lifelong import Known, log_std
-    from qinit_store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
         added, spread = artefact.read("added"), artefact.read("log_std")

@@ -60,10 +60,11 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
+    from qinit_cli.artefacts import described
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
-    there = list(Store(Path(reading.store)).entries())
+    there = [described(entry) for entry in Store(Path(reading.store)).entries()]
     entries = [entry for entry in there if listing.wanted(entry)]
     for_people = tabular.chosen == "table"
     columns = [

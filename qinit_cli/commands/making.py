@@ -64,6 +64,7 @@ class Plan:
     read: Path | None = None  # the artefact it is made from
     inputs: Sequence[Mapping[str, str]] = ()
     command: Sequence[str] = ()  # the words behind `qinit` that make it; else those that were typed
+    learning_bytes: int = 0  # in memory, of a task while it is learned, beside its row
     statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
     begin: Callable[[StoreWork], None] | None = (
         None  # told of the work before a task is learned: what was saved may matter
@@ -86,10 +87,17 @@ class Made:
 
 
 def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar = Progress) -> Made:
-    """The artefact, with the tasks learned that it lacks. Interrupted after a signal: what was finished is saved."""
+    """The artefact, with the tasks learned that it lacks. Interrupted after a signal: what was finished is saved.
+
+    NotAllowed or SystemFailed where it would not fit, see `room`.
+    """
+    import numpy as np
+
+    from qinit_cli.commands.room import Size, check_artefact, check_room
     from qinit_store.reading import describe
     from qinit_store.work import open_work
 
+    check_artefact(Size.of(plan))
     path, asked = place(plan, output, work), share_of(plan.count, *work.share)
     origin = provenance(plan.read, plan.command, plan.spec)
     with open_work(
@@ -101,7 +109,9 @@ def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar
         else:
             if len(asked) == plan.count:  # a share holds its own tasks and no others
                 _take_over(artefact, asked, plan, output, display)
-            tally = _learn_missing(artefact, asked, plan, work, display, progress)
+            missing = np.setdiff1d(asked, artefact.saved)
+            check_room(Size.of(plan), len(missing), path, None if work.dask else work.threads)
+            tally = _learn_missing(artefact, asked, missing, plan, work, display, progress)
             artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
     return Made(path, describe(path).content_sha256, tally, complete)
 
@@ -175,9 +185,9 @@ def plug_ins_behind(path: Path) -> dict[str, str]:
 
 def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:
     """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_store.catalog import Store
     from qinit_store.errors import Damaged, Refused
-    from qinit_store.reading import open_artefact
 
     for relative in Store(Path(output.store)).relatives(plan.schema.kind, plan.spec):
         before = len(artefact.saved)
@@ -195,14 +205,17 @@ def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output,
 
 
 def _learn_missing(
-    artefact: StoreWork, asked: Integers, plan: Plan, work: Work, display: Display, bar: Bar
+    artefact: StoreWork,
+    asked: Integers,
+    missing: Integers,
+    plan: Plan,
+    work: Work,
+    display: Display,
+    bar: Bar,
 ) -> Tally:
-    import numpy as np
-
     from qinit_cli.kernels.compiled import cache_folder
     from qinit_cli.watch import Watch
 
-    missing = np.setdiff1d(asked, artefact.saved)
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
     _say_what_is_there(artefact, tally, display)
     if work.dask is None and len(missing):  # workers elsewhere have caches of their own

@@ -31,6 +31,7 @@ def add_to(app: typer.Typer) -> None:
 
 def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     """Joins the shares, and prints the path of the whole."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.making import plug_ins_behind, provenance
     from qinit_cli.commands.rewriting import say_written
@@ -41,7 +42,9 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     whole = SHARE.sub("", paths[0].name)
     name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
     origin = provenance() | plug_ins_behind(paths[0])
-    target = join(paths, rewriting.target(paths[0], name), origin, force=rewriting.force)
+    target = join(
+        paths, rewriting.target(paths[0], name), origin, force=rewriting.force, opening=open_artefact
+    )
     made = describe(target)
     asked = made.spec.get("tasks", made.tasks)
     sentence = f"{made.tasks} tasks of {len(paths)} shares"

@@ -33,9 +33,17 @@ class OptimalTables:
 
     def __call__(self) -> Floats:
         """Q* of each target, (T, S, A)."""
+        import math
+
         import numpy as np
 
-        if not self.targets.family.tabular:
+        from qinit_cli.commands.room import Size, check_memory
+
+        family = self.targets.family
+        check_memory(
+            Size(self.count, math.prod(family.shape) * len(family.actions) * 8), self.count, self.count
+        )
+        if not family.tabular:
             return self._not_learned() if self.output.dry_run else self._learned()
         q, _ = self.targets.family.solve(
             self.targets.draw(np.arange(self.count)), self.targets.learning.gamma
@@ -43,10 +51,10 @@ class OptimalTables:
         return q
 
     def _learned(self) -> Floats:
+        from qinit_cli.artefacts import open_artefact
         from qinit_cli.commands.making import make
         from qinit_cli.commands.train_sources import plan_of
         from qinit_cli.stages.sources import SourceTasks
-        from qinit_store.reading import open_artefact
 
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")

@@ -24,6 +24,7 @@ def add_to(app: typer.Typer) -> None:
 
 def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     """Writes what holds, and prints its path."""
+    from qinit_cli.artefacts import open_doubtful
     from qinit_cli.commands import references
     from qinit_cli.commands.making import provenance
     from qinit_cli.commands.rewriting import say_written
@@ -32,7 +33,7 @@ def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
 
     path = references.one(artefact, rewriting.store)
     target = rewriting.target(path, f"{path.stem}-salvaged.h5")
-    lost = mend(path, target, provenance(path), force=rewriting.force).tolist()
+    lost = mend(path, target, provenance(path), force=rewriting.force, opening=open_doubtful).tolist()
     kept = describe(target).tasks
     sentence = f"{kept} tasks kept, {len(lost)} lost"
     if lost:

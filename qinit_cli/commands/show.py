@@ -38,11 +38,11 @@ def add_to(app: typer.Typer) -> None:
 
 def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_cli.stages import show as stage
-    from qinit_store.reading import open_artefact
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
         shown = stage.show(opened)

@@ -154,20 +154,12 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
 
 
 def _schema(tasks: SourceTasks) -> Any:
+    from qinit_cli.artefacts import action_axis
     from qinit_store.schema import sources_schema
 
     return sources_schema(
         tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins
     )
-
-
-def action_axis(family: Family) -> Any:
-    """The axis of the family's actions, labelled by their names."""
-    import numpy as np
-
-    from qinit_store.schema import Axis
-
-    return Axis("action", np.array(family.actions, dtype="S"), "", "action")
 
 
 def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
@@ -256,10 +248,10 @@ class _Learned:
 def _learned(path: Path, tasks: SourceTasks) -> _Learned:
     import numpy as np
 
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.environments.family import draw_tasks
     from qinit_cli.seeding import Stream
     from qinit_cli.stages.sources import relative_error
-    from qinit_store.reading import open_artefact
 
     family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
     entries = math.prod(family.shape) * len(family.actions)

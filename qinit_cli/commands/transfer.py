@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from qinit_cli.stages.knowledge import Knowledge
     from qinit_cli.stages.transfer import TargetTasks
 
+EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
 
 
@@ -97,9 +99,9 @@ class Tuned:
         """The method with what was chosen, and the choice as an input; UsageError where both say something."""
         if self.tuned is None:
             return method, []
+        from qinit_cli.artefacts import open_artefact
         from qinit_cli.commands import references
         from qinit_cli.stages.tuning import settings
-        from qinit_store.reading import open_artefact
 
         with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
             name = artefact.spec["method"]["name"]
@@ -186,6 +188,7 @@ def transfer(
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result, warn
     from qinit_cli.commands.optimal_tables import OptimalTables
+    from qinit_cli.commands.room import Size, check_memory
     from qinit_cli.stages.degenerate import of_targets
     from qinit_cli.stages.knowledge import Knowledge
 
@@ -194,6 +197,8 @@ def transfer(
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)
     _say_limits(method, known.fit, targets.family, display)
+    if method.privileged:  # its arrays have a leading target axis
+        check_memory(Size(count, math.prod(targets.family.shape) * 8), count, count)
     tables = OptimalTables(targets, count, known.learning, output, work, display)
     initial = method.initial(known.fit, targets.targets(count, tables))
     inputs = [*choice, *tables.inputs]
@@ -216,7 +221,8 @@ def transfer(
 
 
 def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
-    """The target tasks that are asked for, given the spec of a fit, and how many."""
+    """The target tasks that are asked for, given the spec of a fit, and how many; NotAllowed where no run could hold them."""
+    from qinit_cli.commands.room import Size, check_artefact
     from qinit_cli.stages.transfer import TargetTasks
 
     sources = fitted["sources"]
@@ -231,7 +237,14 @@ def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[Targe
         learning.keep_q,
         learning.evaluate_every,
     )
-    return targets, learning.tasks or family.target_tasks
+    count = learning.tasks or family.target_tasks
+    check_artefact(Size(count, settings.episodes * EPISODE_BYTES + targets.evaluations * EVALUATION_BYTES))
+    return targets, count
+
+
+def learning_bytes(episodes: int) -> int:
+    """What the episodes of a task take in memory while it is learned: whole numbers of steps and of goals, 8 bytes each."""
+    return 16 * episodes
 
 
 def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
@@ -262,6 +275,7 @@ def plan_of(
         what=method.label,
         read=known.path,
         inputs=inputs,
+        learning_bytes=learning_bytes(targets.learning.episodes),
         statics=statics(initial, targets.family),
     )
 
@@ -318,7 +332,7 @@ def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> N
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
-    from qinit_cli.commands.train_sources import action_axis
+    from qinit_cli.artefacts import action_axis
     from qinit_store.schema import run_schema
 
     family = targets.family
@@ -342,8 +356,8 @@ def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
     """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
     import numpy as np
 
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.stages.degenerate import TargetsLearned
-    from qinit_store.reading import open_artefact
 
     with open_artefact(made.path, "run") as artefact:
         episodes = artefact.read("reached")

@@ -109,11 +109,10 @@ def tune(
     display: Display,
 ) -> None:
     """Tries every combination on the sources, keeps how each fared, and prints it."""
+    from qinit_cli.artefacts import family_in, open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.making import make
-    from qinit_cli.environments import family_of
     from qinit_cli.stages.tuning import Choice
-    from qinit_store.reading import open_artefact
 
     path = references.one(sources, keeping.store, references.LEARNING)
     method, values = _asked(kind, grid, several, fixed)
@@ -121,7 +120,7 @@ def tune(
     output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)
     work = Work(jobs=rehearsing.jobs)
     with open_artefact(path, "sources") as source:
-        tried = _candidates(method.on(family_of(source.spec)), values)
+        tried = _candidates(method.on(family_in(source)), values)
         rehearsal = _rehearsal(source, tried, rehearsing)
         plan = _plan(source, method, rehearsal, values)
         if keeping.dry_run:
@@ -179,6 +178,7 @@ def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) 
     """The artefact of how every candidate fares on every source."""
     from qinit_cli import specs
     from qinit_cli.commands.making import Plan
+    from qinit_cli.commands.transfer import learning_bytes
     from qinit_cli.stages.tuning import parameters_of
     from qinit_store.schema import tuning_schema
 
@@ -195,6 +195,7 @@ def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) 
         what=f"{len(tried)} candidates",
         read=source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
+        learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
         statics=parameters_of(tried, tuple(values)),
     )
 
@@ -230,14 +231,14 @@ def _rehearsal(source: Artefact, tried: list[Method], rehearsing: Rehearsing) ->
     """The learner, with a fit of all other sources for each fold."""
     import numpy as np
 
+    from qinit_cli.artefacts import family_in
     from qinit_cli.commands.fit import selection_of
-    from qinit_cli.environments import family_of
     from qinit_cli.fitted import Fit, FitOptions
     from qinit_cli.stages import fit as stage
     from qinit_cli.stages.transfer import STAND_INS, TargetTasks
     from qinit_cli.stages.tuning import FOLDS, Rehearsal, folds
 
-    family, fitting = family_of(source.spec), FitOptions()
+    family, fitting = family_in(source), FitOptions()
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(

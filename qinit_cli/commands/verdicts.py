@@ -87,7 +87,7 @@ def verdicts(
 
 def opened(paths: list[Path]) -> Iterator[Artefact]:
     """The artefacts, one open at a time."""
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import open_artefact
 
     for path in paths:
         with open_artefact(path) as artefact:

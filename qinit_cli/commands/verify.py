@@ -12,6 +12,8 @@ from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Readin
 if TYPE_CHECKING:
     from qinit_store.verify import Verdict
 
+OPENING = "qinit_cli.artefacts:open_doubtful"
+
 
 def add_to(app: typer.Typer) -> None:
     """Adds the command."""
@@ -33,7 +35,7 @@ def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Di
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.verify import verify as examine
 
-    verdicts = [examine(path) for path in references.many(artefacts, reading.store)]
+    verdicts = [examine(path, opening=OPENING) for path in references.many(artefacts, reading.store)]
     columns = [
         TableColumn("artefact"),
         TableColumn("kind"),

@@ -211,6 +211,8 @@ class Gym(TableFamily):
                 each.dtype,
                 "1",
                 f"{each.name}{', by its seed' if each.kind == 'map' else ''}",
+                low=each.bounds[0],
+                high=each.bounds[1],
             )
             for each in self._variations
         )

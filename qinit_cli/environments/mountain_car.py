@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 POSITIONS = (-1.2, 0.6)
 VELOCITIES = (-0.07, 0.07)
+FARTHEST = 40.0  # standard deviations of a push: numpy draws no normal beyond 14
 START = (-0.5, 0.0)  # the paper's s0, where it measures path lengths; at rest in the valley
 
 
@@ -114,7 +115,9 @@ class MountainCar:
         """What a task is made of: its push."""
         from qinit_store.schema import Column
 
-        return (Column("eta", ("task",), "<f8", "1", "push on the right hill, added to the position"),)
+        most = FARTHEST * self.spread if self.noise_per == "task" else 0.0
+        told = "push on the right hill, added to the position"
+        return (Column("eta", ("task",), "<f8", "1", told, low=-most, high=most),)
 
     def shifted(self, changes: dict[str, Any]) -> MountainCar:
         """The family with some fields changed."""

@@ -75,9 +75,17 @@ class SlipperyGrid:
         from qinit_store.schema import Column
 
         return (
-            Column("goal_row", ("task",), "<i4", "1", "row of the goal"),
-            Column("goal_col", ("task",), "<i4", "1", "column of the goal"),
-            Column("p", ("task",), "<f8", "1", "probability of the intended move"),
+            Column("goal_row", ("task",), "<i4", "1", "row of the goal", low=0, high=self.size - 1),
+            Column("goal_col", ("task",), "<i4", "1", "column of the goal", low=0, high=self.size - 1),
+            Column(
+                "p",
+                ("task",),
+                "<f8",
+                "1",
+                "probability of the intended move",
+                low=self.p_low,
+                high=self.p_high,
+            ),
         )
 
     def shifted(self, changes: dict[str, Any]) -> Self:

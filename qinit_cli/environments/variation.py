@@ -58,6 +58,17 @@ class Variation:
         """Of the drawn value; a map is told by its seed."""
         return "<i8" if self.kind == "map" else "<f8"
 
+    @property
+    def bounds(self) -> tuple[float | None, float | None]:
+        """The least and the largest value that is drawn; None where there is none."""
+        match self.kind:
+            case "map":
+                return 0, MAP_SEEDS - 1
+            case "uniform":
+                return self.numbers
+            case _:
+                return None, None
+
     def draw(self, chance: np.random.Generator) -> float | int:
         """One value, or the seed of a map."""
         if self.kind == "map":

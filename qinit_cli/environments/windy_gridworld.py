@@ -86,8 +86,18 @@ class WindyGridworld(TableFamily):
         from qinit_store.schema import Column
 
         return (
-            Column("wind", ("task",), "<f8", "1", "cells that the wind drifts the agent after each move"),
-            Column("direction", ("task",), "<i4", "1", "where it blows to: 0 up, 1 down, 2 left, 3 right"),
+            Column(
+                "wind", ("task",), "<f8", "1", "cells that the wind drifts the agent after each move", low=0
+            ),
+            Column(
+                "direction",
+                ("task",),
+                "<i4",
+                "1",
+                "where it blows to: 0 up, 1 down, 2 left, 3 right",
+                low=0 if self.wind == "any" else DIRECTIONS.index(self.wind),
+                high=3 if self.wind == "any" else DIRECTIONS.index(self.wind),
+            ),
         )
 
     @property

@@ -19,15 +19,14 @@ STEEPNESS = 3  # gravity pulls by cos(3 x), so the hill is as high as sin(3 x)
 
 def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn:
     """The world of Mountain Car sources: hill, start, goal, where the noise acts, its density and the tasks' pushes."""
-    from qinit_cli.environments import family_of
+    from qinit_cli.artefacts import family_in, open_artefact
     from qinit_cli.environments.mountain_car import MountainCar
     from qinit_cli.figures import car as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
-        family = family_of(artefact.spec, artefact.provenance)
+        family = family_in(artefact)
         if not isinstance(family, MountainCar):
             raise NotAllowed(
                 f"{path} holds sources of {family.name}, where there is no car; draw those of mountain-car"

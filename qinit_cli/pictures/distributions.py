@@ -46,8 +46,7 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
 
     `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
     """
-    from qinit_cli.environments import family_of
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import family_in, open_artefact
     from qinit_store.spec import canonical_json
 
     found: dict[str, Distribution] = {}
@@ -56,7 +55,7 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
         with open_artefact(path, "sources") as artefact:
             spec = artefact.spec
             key = canonical_json({name: spec[name] for name in KEY})
-            one = found.setdefault(key, Distribution(family_of(spec, artefact.provenance), spec, [], [], 0))
+            one = found.setdefault(key, Distribution(family_in(artefact), spec, [], [], 0))
             before = sum(map(len, one.tasks))
             # equal rows of two seeds are two tasks: those of an exact learner can be
             known = seen.setdefault(f"{key} {spec['seed']}", set())

@@ -28,14 +28,13 @@ def drawn(
     path: Path, states: Sequence[str] | None = None, *, title: str | None = None, width: float = TEXT
 ) -> Drawn:
     """Q and ln Q of sources at `states`, such as "0,0"; None: the family's, the paper's three."""
-    from qinit_cli.environments import family_of
+    from qinit_cli.artefacts import family_in, open_artefact
     from qinit_cli.figures import histograms as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "sources") as artefact:
-        family = family_of(artefact.spec, artefact.provenance)
+        family = family_in(artefact)
         chosen = _states(states, family)
         if len(chosen) > MOST_STATES[width]:
             raise UsageError(

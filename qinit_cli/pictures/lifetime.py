@@ -47,9 +47,9 @@ def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
     import numpy as np
 
     from qinit_cli.analysis import returns
+    from qinit_cli.artefacts import open_artefact
     from qinit_cli.environments import family_of
     from qinit_cli.figures.lifetime import Lived
-    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "run") as artefact:
         named = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"

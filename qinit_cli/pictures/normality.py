@@ -25,14 +25,13 @@ def drawn(
     path: Path, of: str = "values", action: str = "greedy", *, title: str | None = None, width: float = TEXT
 ) -> Drawn:
     """The test of a fit's "values" or "lengths", at the "greedy" action of the largest mean or at "all"."""
-    from qinit_cli.environments import family_of
+    from qinit_cli.artefacts import family_in, open_artefact
     from qinit_cli.figures import normality as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from qinit_store.reading import open_artefact
 
     with open_artefact(path, "fit") as artefact:
-        family = family_of(artefact.spec["sources"], artefact.provenance)
+        family = family_in(artefact)
         tested = _tested(artefact, family, of, action)
         words = _words(artefact, tested, of)
     axes = sides(family)

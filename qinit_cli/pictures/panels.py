@@ -137,8 +137,7 @@ def _table(path: Path, quantity: str) -> Panels:
     """One table of the fit at the action of the largest mean, the first where several are, NaN where no source knows."""
     import numpy as np
 
-    from qinit_cli.environments import family_of
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import family_in, open_artefact
 
     name = quantity.replace("-", "_")
     with open_artefact(path, "fit") as artefact:
@@ -150,7 +149,7 @@ def _table(path: Path, quantity: str) -> Panels:
         unit = "" if column.unit == "1" else f" ({column.unit}s)"
         label = f"{column.long_name}{unit}, action of the largest mean"
         return Panels(
-            family_of(artefact.spec["sources"], artefact.provenance),
+            family_in(artefact),
             artefact.content_sha256,
             artefact.spec,
             label,
@@ -163,8 +162,7 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
 
     What no source knows its fit tells, if that is among `fits` or where the run's store has it; else a note says so.
     """
-    from qinit_cli.environments import family_of
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import family_in, open_artefact
 
     with open_artefact(path, "run") as artefact:
         fit, method = artefact.spec["inputs"][0], artefact.spec["method"]
@@ -176,7 +174,7 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
             n = _sources_with_a_value(artefact, fits, notes)
             largest = _largest(start.reshape(-1, start.shape[-1]), method["label"], n)
         return Panels(
-            family_of(artefact.spec, artefact.provenance),
+            family_in(artefact),
             fit,
             _fit_of(artefact.spec["source_set"]),
             START_LABEL,
@@ -189,8 +187,9 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
     """How many sources know each entry of the fit that a run started from, (S, A); 1 of each, and a note, where there is none."""
     import numpy as np
 
+    from qinit_cli.artefacts import open_artefact
     from qinit_store.catalog import FOLDERS, NAME
-    from qinit_store.reading import describe, open_artefact
+    from qinit_store.reading import describe
 
     [content] = run.spec["inputs"]
     name = next((str(one["name"]) for one in run.inputs if one.get("role") == "fit"), "")

@@ -51,7 +51,7 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
 
 def _read(path: Path) -> tuple[dict[str, Any], tuple[Integers, Floats, int]]:
     """What replicates of the run share, its moments (R,) and weights (T, R, K), and how many of its targets never froze."""
-    from qinit_store.reading import open_artefact
+    from qinit_cli.artefacts import open_artefact
 
     with open_artefact(path, "run") as artefact:
         if "weight" not in {column.name for column in artefact.schema.columns}:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.environments import Family, family_of
+from qinit_cli.artefacts import family_in, open_artefact
+from qinit_cli.environments import Family
 from qinit_cli.fitted import Fit
-from qinit_store.reading import open_artefact
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Knowledge:
         """The fit at `path`, verified."""
         with open_artefact(path, "fit") as artefact:
             sources = artefact.spec["sources"]
-            family = family_of(sources, artefact.provenance)
+            family = family_in(artefact)
             names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
             fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import FAMILIES, Family, family_of
+from qinit_cli.artefacts import family_in
+from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.stages.fit import MASKED, UNKNOWN
 from qinit_cli.stages.sources import relative_error
 
@@ -46,7 +47,7 @@ def _sources(artefact: Artefact) -> Shown:
     from qinit_cli.elementary import ln
 
     spec = artefact.spec
-    family = family_of(spec) if spec["family"]["name"] in FAMILIES else None
+    family = family_in(artefact) if spec["family"]["name"] in FAMILIES else None
     compared = family is not None and family.tabular and spec["learner"] != "exact"
     solved = steps = unvisited = not_positive = entries = 0
     seconds = 0.0

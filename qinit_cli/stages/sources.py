@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.environments.family import Family, draw_tasks
@@ -56,8 +57,13 @@ class SourceTasks:
 
     @property
     def bins(self) -> int:
-        """Bins of the learning curve; 0 for the exact learner, which has none."""
-        return 0 if self.learner == "exact" else min(CURVE_BINS, self.learning.episodes)
+        """Bins of the learning curve."""
+        return curve_bins(self.learner, self.learning)
+
+
+def curve_bins(learner: str, learning: Learning) -> int:
+    """Bins of a source's learning curve; 0 for the exact learner, which has none."""
+    return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
 
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
@@ -141,7 +147,9 @@ def bin_sizes(episodes: int, bins: int) -> Integers:
     """How many episodes fall into each bin, (bins,), where episode e falls into bin e * bins // episodes."""
     import numpy as np
 
-    return np.bincount(np.arange(episodes) * bins // episodes, minlength=bins)
+    # Python's numbers: no product is too large
+    first = [-(-number * episodes // bins) for number in range(bins + 1)]
+    return np.array([after - before for before, after in pairwise(first)], np.int64)
 
 
 def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:

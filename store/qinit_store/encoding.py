@@ -97,9 +97,12 @@ def checked(
     if values.keys() != {column.name for column in columns}:
         there, wanted = sorted(values), sorted(column.name for column in columns)
         raise ValueError(f"{schema.kind}: given {there}, wanted {wanted}")
-    return {
+    fitted = {
         column.name: _fitted(schema, column, np.asarray(values[column.name]), tasks) for column in columns
     }
+    if fault := schema.fault(fitted):
+        raise ValueError(f"{schema.kind}: {fault}")
+    return fitted
 
 
 def text(value: str) -> Array:

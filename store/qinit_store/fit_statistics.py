@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_store.schema import Axis, Column
+from qinit_store.schema import ANYTHING, Axis, Column
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,18 @@ def fit_statistics(
         dims = ("distribution", *state_action)
         columns += [
             Column(
-                "alternative_aic", dims, "f8", long_name="AIC of the distribution of Q; the least is best"
+                "alternative_aic",
+                dims,
+                "f8",
+                long_name="AIC of the distribution of Q; the least is best",
+                **ANYTHING,
             ),
             Column(
                 "alternative_log_score",
                 dims,
                 "f8",
                 long_name="mean log density of held-out values of Q; the largest is best",
+                **ANYTHING,
             ),
         ]
     if asked.held_out:
@@ -55,13 +60,16 @@ def fit_statistics(
 
 def _normality(prefix: str, quantity: str, test: str, dims: tuple[str, ...]) -> list[Column]:
     named = (
-        ("n", "i4", "tasks tested"),
-        ("w", "f8", f"{_statistic(test)} of {test}"),
-        ("p", "f8", f"raw p of {test}"),
-        ("skewness", "f8", f"skewness of {quantity}"),
-        ("kurtosis", "f8", f"excess kurtosis of {quantity}"),
+        ("n", "i4", "tasks tested", {"low": 0}),
+        ("w", "f8", f"{_statistic(test)} of {test}", ANYTHING),
+        ("p", "f8", f"raw p of {test}", {"low": 0, "high": 1, "nan": True}),
+        ("skewness", "f8", f"skewness of {quantity}", ANYTHING),
+        ("kurtosis", "f8", f"excess kurtosis of {quantity}", ANYTHING),
     )
-    return [Column(f"{prefix}_{name}", dims, dtype, long_name=text) for name, dtype, text in named]
+    return [
+        Column(f"{prefix}_{name}", dims, dtype, long_name=text, **values)
+        for name, dtype, text, values in named
+    ]
 
 
 def _statistic(test: str) -> str:
@@ -77,9 +85,11 @@ def _held_out() -> list[Column]:
         ("log_share", "share of state-actions where both are positive"),
     )
     return [
-        Column("held_out_task", ("held_out",), "i8", long_name="task id of the source left out of the fit"),
+        Column(
+            "held_out_task", ("held_out",), "i8", long_name="task id of the source left out of the fit", low=0
+        ),
         *(
-            Column(f"held_out_{name}", ("initialisation", "held_out"), "f8", long_name=text)
+            Column(f"held_out_{name}", ("initialisation", "held_out"), "f8", long_name=text, **ANYTHING)
             for name, text in named
         ),
     ]
@@ -88,7 +98,7 @@ def _held_out() -> list[Column]:
 def _theory(dims: tuple[str, ...]) -> list[Column]:
     forms = (("product", "gamma^H times the path's chance"), ("length", "gamma^(H-1)"))
     predictions = [
-        Column(f"theory_{form}_{name}", dims, "f8", long_name=f"{text}, {words}")
+        Column(f"theory_{form}_{name}", dims, "f8", long_name=f"{text}, {words}", **ANYTHING)
         for form, words in forms
         for name, text in (
             ("bias", "mean of predicted less actual ln Q"),
@@ -97,17 +107,22 @@ def _theory(dims: tuple[str, ...]) -> list[Column]:
         )
     ]
     return [
-        Column("theory_n", dims, "i4", long_name="tasks with Q > 0 and a path of a step or more"),
-        Column("theory_variance", dims, "f8", long_name="variance of ln Q over these tasks"),
+        Column("theory_n", dims, "i4", long_name="tasks with Q > 0 and a path of a step or more", low=0),
+        Column("theory_variance", dims, "f8", long_name="variance of ln Q over these tasks", low=0, nan=True),
         *predictions,
         Column(
-            "theory_explained", dims, "f8", long_name="share of var(ln Q) that a line in the length explains"
+            "theory_explained",
+            dims,
+            "f8",
+            long_name="share of var(ln Q) that a line in the length explains",
+            **ANYTHING,
         ),
         Column(
             "theory_explained_by_gamma",
             dims,
             "f8",
             long_name="share of var(ln Q) that the length times ln gamma explains",
+            **ANYTHING,
         ),
     ]
 

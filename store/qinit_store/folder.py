@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 import stat
@@ -17,7 +16,7 @@ from qinit_store.errors import SystemFailed
 from qinit_store.lock import LOCK
 from qinit_store.presence import names, refusal, status
 from qinit_store.publish import place
-from qinit_store.spec import Spec, canonical_json
+from qinit_store.spec import Spec, canonical_json, read_json, settings, texts
 from qinit_store.wording import recorded_command
 
 RECORD = "spec.json"
@@ -57,8 +56,8 @@ def read_record(folder: Path) -> Record | None:
             raise refusal("read", path, problem) from problem
         return None
     try:
-        kept = json.loads(raw)
-        return Record(kept["kind"], dict(kept["spec"]), dict(kept["provenance"]))
+        kept = read_json(raw.decode())
+        return Record(str(kept["kind"]), settings(kept["spec"]), texts(kept["provenance"]))
     except (ValueError, KeyError, TypeError):
         return None  # every part carries its own settings, so nothing depends on this file
 

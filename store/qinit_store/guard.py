@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from qinit_store.errors import Damaged, NotOurs, TooNew
-from qinit_store.schema import NAME, TASK, TASK_DIGEST
+from qinit_store.schema import DIGEST_BYTES, NAME, TASK, TASK_DIGEST
 from qinit_store.source import Source
 from qinit_store.wording import shell_line
 
@@ -41,7 +41,9 @@ GIB = 1024**3
 LARGEST_FILE = 256 * GIB
 LARGEST_DECLARED = 1024 * GIB  # all datasets, as they would be in memory
 LARGEST_STATIC = 1 * GIB  # what is read whole: datasets without a task axis, ids and digests
+MOST_TASKS = LARGEST_STATIC // (DIGEST_BYTES + 8)  # by their ids and digests alone
 LARGEST_TASK = GIB // 2  # one task over all columns
+LEAST_DIGEST = 24  # bytes in the file for the 32 of a task's digest: nothing makes SHA-256 shorter
 LARGEST_CHUNK = 64 * 1024**2
 CHECKSUM_BYTES = 4  # of fletcher32; HDF5 crashes on a chunk that has no more
 LARGEST_STREAM = 65 * 1024**2  # a chunk in the file: deflate makes what it cannot shrink a little longer
@@ -121,6 +123,22 @@ class Checked:
         """What it takes in memory, as declared."""
         return math.prod((int(self.dataset.dtype.itemsize), *self.dataset.shape))
 
+    @property
+    def stored(self) -> int:
+        """What it takes in the file."""
+        return int(self.dataset.id.get_storage_size())
+
+    @property
+    def written(self) -> bool:
+        """Whether all of it is in the file, as it is in ours."""
+        if not self.dataset.size:
+            return True
+        if self.dataset.chunks is None:
+            return self.stored > 0
+        parts = zip(self.dataset.shape, self.dataset.chunks, strict=True)
+        chunks = int(self.dataset.id.get_num_chunks())
+        return bool(chunks == math.prod(-(-length // part) for length, part in parts))
+
 
 def attributes(owner: Any, wanted: Collection[str]) -> dict[str, Any]:
     """Those attributes of this low-level group or dataset that are `wanted`, each one number or fixed-length bytes.
@@ -164,13 +182,20 @@ def checked_datasets(file: h5py.File) -> tuple[dict[str, Checked], list[str]]:
 
 
 def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
-    """ValueError where what must be in memory at once is too much."""
+    """ValueError where what must be in memory at once is too much, or is declared and not there."""
     whole = [one for name, one in datasets.items() if name not in per_task or name in (TASK, TASK_DIGEST)]
     if sum(one.nbytes for one in whole) > LARGEST_STATIC:
         raise ValueError("the datasets without a task axis declare too many bytes")
     task = (datasets[name].dataset for name in per_task)
     if sum(one.dtype.itemsize * math.prod(one.shape[1:]) for one in task) > LARGEST_TASK:
         raise ValueError("one task declares too many bytes")
+    if {TASK, TASK_DIGEST} <= datasets.keys():
+        tasks = datasets[TASK].dataset.size
+        if datasets[TASK_DIGEST].stored < LEAST_DIGEST * tasks:
+            raise ValueError(f"it declares {tasks} tasks, and digests of fewer are in it")
+    for name, one in datasets.items():
+        if not one.written:
+            raise ValueError(f"{name} is not all there: what was never written would be read as zeros")
 
 
 def _names(root: Any) -> tuple[list[str], list[str]]:

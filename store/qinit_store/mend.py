@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,24 @@ from qinit_store.schema import Array
 from qinit_store.spec import difference, spec_sha256, without_tasks
 from qinit_store.work import Work, open_work
 
+Opening = Callable[[Path], Artefact]
 
-def salvage(path: Path, target: Path, provenance: Mapping[str, Any], *, force: bool = False) -> Array:
-    """Publish at `target` the tasks of `path` whose digest holds; the ids of the tasks that are lost.
+
+def salvage(
+    path: Path,
+    target: Path,
+    provenance: Mapping[str, Any],
+    *,
+    force: bool = False,
+    opening: Opening = open_doubtful,
+) -> Array:
+    """Publish at `target` the tasks of `path` that hold; the ids of the tasks that are lost.
+
+    `opening` opens it, and knows what its tasks must hold besides their digests.
 
     Damaged where nothing can be saved: no task holds, or what all tasks share is damaged.
     """
-    with open_doubtful(path) as old:
+    with opening(path) as old:
         if spec_sha256(old.spec) != old.spec_sha256 or (old.trouble and old.schema.static_columns):
             raise Damaged(f"{path} cannot be salvaged: {old.trouble}; make it again with --force")
         lost = old.damaged_tasks()
@@ -35,14 +46,21 @@ def salvage(path: Path, target: Path, provenance: Mapping[str, Any], *, force: b
     return lost
 
 
-def merge(paths: Sequence[Path], target: Path, provenance: Mapping[str, Any], *, force: bool = False) -> Path:
+def merge(
+    paths: Sequence[Path],
+    target: Path,
+    provenance: Mapping[str, Any],
+    *,
+    force: bool = False,
+    opening: Opening = open_artefact,
+) -> Path:
     """Publish at `target` the tasks of all of `paths`; Refused where they are not shards of one artefact.
 
     Shards have the same spec apart from "tasks", of which the largest counts. A task in several must be the same in
-    all.
+    all. `opening` opens them, as in `salvage`.
     """
     with ExitStack() as stack:
-        shards = [stack.enter_context(open_artefact(path)) for path in paths]
+        shards = [stack.enter_context(opening(path)) for path in paths]
         tasks = _tasks_in_all(shards)
         largest = max(shards, key=lambda shard: int(shard.spec.get("tasks", 0)))
         with open_work(

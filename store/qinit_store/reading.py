@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,11 +15,22 @@ import numpy as np
 from qinit_store import guard
 from qinit_store.digest import content_sha256, task_digests
 from qinit_store.encoding import MIN_READER, SCHEMA_VERSION
-from qinit_store.errors import Damaged, NotOurs, Refused, TooNew
+from qinit_store.errors import Damaged, NotOurs, Refused, StoreError, TooNew
 from qinit_store.interrupts import held_back
-from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema, missing
+from qinit_store.schema import (
+    ANYTHING,
+    DIGEST_BYTES,
+    TASK,
+    TASK_DIGEST,
+    Array,
+    Axis,
+    Column,
+    Schema,
+    missing,
+    serves,
+)
 from qinit_store.source import Source
-from qinit_store.spec import canonical_json, spec_sha256
+from qinit_store.spec import canonical_json, read_json, settings, spec_sha256, texts
 from qinit_store.wording import shell_line
 
 KINDS = ("sources", "fit", "run", "tuning")
@@ -100,6 +110,31 @@ class Artefact:
             f" `{shell_line('qinit', 'salvage', self.path)}` writes an artefact without that"
         )
 
+    def damage(self, reason: str) -> StoreError:
+        """Damaged for this reason: what was read cannot be what was written."""
+        return self._source.damage(reason)
+
+    def expect(self, axes: Iterable[Axis], columns: Iterable[Column]) -> None:
+        """From now on every value must be one that its column of `columns` may have; a column may be absent.
+
+        Damaged where one of these `axes`, a column's layout or a value that all tasks share does not fit; tasks are checked as
+        they are read.
+        """
+        there = {axis.name: axis.values for axis in self.schema.axes}
+        for axis in axes:
+            if axis.name not in there or not _same_scale(axis.values, there[axis.name]):
+                raise self.damage(f"its axis {axis.name} is not that of its settings")
+        known = {column.name: column for column in columns}
+        for column in self.schema.columns:
+            if column.name in known and not serves(column, known[column.name]):
+                raise self.damage(f"{column.name} is laid out otherwise than its settings have it")
+        self.schema = replace(
+            self.schema,
+            columns=tuple(_within(one, known.get(one.name, one)) for one in self.schema.columns),
+        )
+        if fault := self.schema.fault(self._statics):
+            raise self.damage(fault)
+
     @property
     def axes(self) -> dict[str, Axis]:
         """Every axis by name, `task` among them where there are tasks."""
@@ -149,6 +184,8 @@ class Artefact:
         """
         wanted = [self._column(name).name for name in names]
         self._ahead |= self._source.asked(lambda: {name: self._file[name][...] for name in wanted})
+        if fault := self.schema.fault(self._ahead):  # these numbers are used before their digests are checked
+            raise self.damage(fault)
         return {name: self._ahead[name].copy() for name in wanted}
 
     def blocks(self, names: Iterable[str], size: int) -> Iterator[dict[str, Array]]:
@@ -161,14 +198,14 @@ class Artefact:
     def rows(self, first: int, stop: int) -> dict[str, Array]:
         """Every task column, and `task`, of the rows from `first` up to `stop`, verified."""
         rows = self._unverified(first, stop)
-        wrong = self._wrong(first, rows)
-        if wrong.size:
-            some = ", ".join(map(str, wrong[:5])) + (", ..." if wrong.size > 5 else "")
-            raise self._source.damage(f"the digest of task {some} does not hold")
+        if (wrong := self._undigested(first, rows)).any():
+            raise self.damage(f"the digest of task {_some(rows[TASK][wrong])} does not hold")
+        if (wrong := self.schema.misfits(rows)).any():
+            raise self.damage(f"in task {_some(rows[TASK][wrong])} {self.schema.fault(rows)}")
         return rows
 
     def check_tasks(self) -> None:
-        """Read every task; Damaged where a digest does not hold."""
+        """Read every task; Damaged where a digest does not hold, or a value cannot be."""
         for first in range(0, self.task_count, self.schema.block_size):
             self.rows(first, min(first + self.schema.block_size, self.task_count))
 
@@ -191,7 +228,7 @@ class Artefact:
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
     def damaged_tasks(self) -> Array:
-        """The ids of the tasks that cannot be read or whose digest does not hold."""
+        """The ids of the tasks that cannot be read, whose digest does not hold, or that hold a value that cannot be."""
         found = [self._damaged(first) for first in range(0, self.task_count, self.schema.block_size)]
         return np.concatenate([self.tasks[:0], *found])
 
@@ -211,9 +248,13 @@ class Artefact:
             return False
 
     def _wrong(self, first: int, rows: dict[str, Array]) -> Array:
+        wrong: Array = rows[TASK][self._undigested(first, rows) | self.schema.misfits(rows)]
+        return wrong
+
+    def _undigested(self, first: int, rows: dict[str, Array]) -> Array:
         stored = self._digests[first : first + rows[TASK].size]
         found = task_digests(self.schema.task_columns, rows[TASK], rows)
-        wrong: Array = rows[TASK][(found != stored).any(axis=1)]
+        wrong: Array = (found != stored).any(axis=1)
         return wrong
 
     def _column(self, name: str) -> Column:
@@ -300,22 +341,23 @@ def _described(source: Source, file: h5py.File) -> tuple[Description, str]:
     known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
     if known is None:
         raise NotOurs(f"{path} is no artefact that this qinit knows: its format is {format!r}")
-    if int(said["qinit_min_reader"]) > SCHEMA_VERSION:
+    needed = _count(said, "qinit_min_reader")
+    if needed > SCHEMA_VERSION:
         raise TooNew(
             f"{path} was written by a newer qinit: it needs a reader of schema"
-            f" {int(said['qinit_min_reader'])}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
+            f" {needed}, this one reads {MIN_READER} to {SCHEMA_VERSION};"
             " `pip install --upgrade qinit`"
         )
     description = Description(
         path=path,
         kind=known[1],
-        spec=dict(json.loads(_text(said, "spec_json"))),
+        spec=settings(read_json(_text(said, "spec_json"))),
         spec_sha256=_text(said, "spec_sha256"),
         content_sha256=_text(said, "content_sha256"),
-        provenance=dict(json.loads(_text(said, "provenance_json"))),
-        inputs=tuple(dict(one) for one in json.loads(_text(said, "inputs_json"))),
-        tasks=int(said["tasks"]),
-        schema_version=int(said["qinit_schema"]),
+        provenance=texts(read_json(_text(said, "provenance_json"))),
+        inputs=_inputs(read_json(_text(said, "inputs_json"))),
+        tasks=_count(said, "tasks"),
+        schema_version=_count(said, "qinit_schema"),
         size=source.size,
     )
     return description, format
@@ -365,7 +407,7 @@ def _axis(name: str, found: guard.Checked) -> Axis:
 
 def _read_column(name: str, found: guard.Checked, dims: tuple[str, ...]) -> Column:
     hashed = "hashed" not in found.attributes
-    return Column(name, dims, found.dataset.dtype.str, *_labels(found), hashed=hashed)
+    return Column(name, dims, found.dataset.dtype.str, *_labels(found), hashed=hashed, **ANYTHING)
 
 
 def _labels(found: guard.Checked) -> tuple[str, str]:
@@ -374,6 +416,40 @@ def _labels(found: guard.Checked) -> tuple[str, str]:
         _text(found.attributes, name) if name in found.attributes else "" for name in ("units", "long_name")
     )
     return unit, long_name
+
+
+def _within(found: Column, known: Column) -> Column:
+    return replace(found, low=known.low, high=known.high, nan=known.nan)
+
+
+def _same_scale(wanted: Array, there: Array) -> bool:
+    """Whether two scales are one: centres of bins may differ in their last bits from machine to machine."""
+    if wanted.shape != there.shape or (wanted.dtype.kind == "f") != (there.dtype.kind == "f"):
+        return False
+    return (
+        np.allclose(wanted, there, rtol=1e-9) if wanted.dtype.kind == "f" else np.array_equal(wanted, there)
+    )
+
+
+def _some(ids: Array) -> str:
+    return ", ".join(map(str, ids[:5])) + (", ..." if ids.size > 5 else "")
+
+
+def _inputs(value: Any) -> tuple[dict[str, str], ...]:
+    """The artefacts that this one was made of; ValueError where one lacks its role, name or hash."""
+    if not isinstance(value, list):
+        raise ValueError("its inputs are no list")
+    inputs = tuple(texts(one) for one in value)
+    if not all(one.keys() >= {"role", "name", "content_sha256"} for one in inputs):
+        raise ValueError("an input lacks its role, name or content hash")
+    return inputs
+
+
+def _count(attributes: Mapping[str, Any], name: str) -> int:
+    value = attributes.get(name)
+    if not isinstance(value, np.integer) or value < 0:
+        raise ValueError(f"its {name} is no whole number")
+    return int(value)
 
 
 def _text(attributes: Mapping[str, Any], name: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +17,10 @@ TASK = "task"
 TASK_DIGEST = "task_digest"
 CANDIDATE = "candidate"
 DIGEST_BYTES = 32
+# of a column that may have any value: one that nobody here knows, or that grows without end
+ANYTHING: Mapping[str, Any] = {"low": -math.inf, "high": math.inf, "nan": True}
 BLOCK_BYTES = 8 * 1024 * 1024
+ROUNDING = 1e-6  # by which sums of chances and repeated steps may leave [0, 1]
 NO_MOMENTS: Array = np.empty(0, np.int64)
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
@@ -37,7 +42,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Column:
-    """A dataset: its dimensions by name, its dtype, and whether the digests cover it."""
+    """A dataset: its dimensions by name, its dtype, whether the digests cover it, and which values it may have."""
 
     name: str
     dims: tuple[str, ...]
@@ -45,6 +50,9 @@ class Column:
     unit: str = "1"
     long_name: str = ""
     hashed: bool = True
+    low: float | None = None  # the least value; None: any finite one
+    high: float | None = None  # the largest; infinity where that may stand there
+    nan: bool = False  # whether NaN may stand for what is not known
 
     def __post_init__(self) -> None:
         _check_name(self.name)
@@ -65,6 +73,43 @@ class Column:
     @property
     def little_endian(self) -> np.dtype[Any]:
         return np.dtype(self.dtype).newbyteorder("<")
+
+    @property
+    def range(self) -> str:
+        """The values it may have, in words."""
+        low, high = (None if one is None or math.isinf(one) else f"{one:g}" for one in (self.low, self.high))
+        if low is not None and high is not None:
+            return f"from {low} to {high}" if low != high else low
+        bound = f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+        return bound or "a finite number"
+
+    def fits(self, values: Array) -> Array:
+        """Which of the values it may have, in the shape of `values`."""
+        if values.dtype.kind not in "iuf":
+            return np.ones(values.shape, bool)
+        least, most = self._bounds
+        exact = values.astype(np.float64) if values.dtype.kind == "f" else values
+        fitting: Array = (exact >= least) & (exact <= most)
+        return fitting | np.isnan(values) if self.nan else fitting
+
+    def fit_all(self, values: Array) -> bool:
+        """Whether it may have all of the values; in the usual case without an array of their size."""
+        if values.dtype.kind not in "iuf" or not values.size or self.anything:
+            return True
+        least, most = self._bounds
+        if least <= values.min().item() and values.max().item() <= most:
+            return True
+        return self.nan and bool(self.fits(values).all())
+
+    @property
+    def anything(self) -> bool:
+        """Whether it may have any value."""
+        return self.nan and (self.low, self.high) == (-math.inf, math.inf)
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        largest = float(np.finfo(np.float64).max)
+        return -largest if self.low is None else self.low, largest if self.high is None else self.high
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +146,23 @@ class Schema:
         """The shape of `column` without its task axis."""
         return tuple(self.sizes[name] for name in column.dims if name != TASK)
 
+    def misfits(self, rows: Mapping[str, Array]) -> Array:
+        """Which tasks hold a value that its column cannot have, (tasks,); `rows` have a leading task axis."""
+        count = len(next(iter(rows.values()))) if rows else 0
+        wrong = np.zeros(count, bool)
+        for column in self.task_columns:
+            if column.name in rows and not column.fit_all(rows[column.name]):
+                wrong |= ~column.fits(rows[column.name]).reshape(count, -1).all(axis=1)
+        return wrong
+
+    def fault(self, values: Mapping[str, Array]) -> str:
+        """The first value that its column cannot have, in words; "" where all fit. A column may be absent."""
+        for column in self.columns:
+            if column.name in values and not column.fit_all(values[column.name]):
+                wrong = values[column.name][~column.fits(values[column.name])]
+                return f"{column.name} is {wrong[0]}; it must be {column.range}"
+        return ""
+
     @property
     def task_bytes(self) -> int:
         """The bytes of one task over all its columns, at least 1."""
@@ -122,22 +184,41 @@ def sources_schema(
     """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
     state_action = (*(axis.name for axis in state_axes), action.name)
     tables = (
-        Column("q", (TASK, *state_action), "f8", long_name="action values"),
+        Column("q", (TASK, *state_action), "f8", long_name="action values", low=0, high=1 + ROUNDING),
         Column(
-            "td_var", (TASK, *state_action), "f8", long_name="mean squared TD error of the task's own table"
+            "td_var",
+            (TASK, *state_action),
+            "f8",
+            long_name="mean squared TD error of the task's own table",
+            low=0,
+            high=1 + ROUNDING,
         ),
         Column(
-            "eopl", (TASK, *state_action), "i4", "step", "expected optimal path length, -1: never arrives"
+            "eopl",
+            (TASK, *state_action),
+            "i4",
+            "step",
+            "expected optimal path length, -1: never arrives",
+            low=-1,
         ),
-        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair"),
+        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
     )
     curve = (
-        Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes"),
-        Column("curve_reached", (TASK, "bin"), "f4", long_name="share of episodes that reach the goal"),
+        Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes", low=0),
+        Column(
+            "curve_reached",
+            (TASK, "bin"),
+            "f4",
+            long_name="share of episodes that reach the goal",
+            low=0,
+            high=1 + ROUNDING,
+        ),
     )
     totals = (
-        Column("solved", (TASK,), "u1", long_name="greedy policy reaches the goal from the target start"),
-        Column("steps", (TASK,), "i8", "step", "environment steps simulated"),
+        Column(
+            "solved", (TASK,), "u1", long_name="greedy policy reaches the goal from the target start", high=1
+        ),
+        Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
         *_keeping(),
     )
     axes = (*state_axes, action, *([_index("bin", bins)] if bins else []), _digest_axis())
@@ -155,28 +236,75 @@ def fit_schema(
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
     moments = (
-        Column("mu", state_action, "f8", long_name="mean of ln Q"),
-        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q"),
-        Column("lognormal_median", state_action, "f8", long_name="median of the fitted log-normal"),
-        Column("lognormal_mean", state_action, "f8", long_name="mean of the fitted log-normal"),
-        Column("mean", state_action, "f8", long_name="mean of Q"),
-        Column("std", state_action, "f8", long_name="standard deviation of Q"),
-        Column("min", state_action, "f8", long_name="least Q"),
-        Column("max", state_action, "f8", long_name="largest Q"),
-        Column("eopl_mean", state_action, "f8", "step", "mean of the expected optimal path lengths"),
-        Column("eopl_std", state_action, "f8", "step", "their standard deviation"),
+        Column("mu", state_action, "f8", long_name="mean of ln Q", nan=True),
+        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q", low=0, nan=True),
+        Column(
+            "lognormal_median",
+            state_action,
+            "f8",
+            long_name="median of the fitted log-normal",
+            low=0,
+            high=math.inf,
+            nan=True,
+        ),
+        Column(
+            "lognormal_mean",
+            state_action,
+            "f8",
+            long_name="mean of the fitted log-normal",
+            low=0,
+            high=math.inf,
+            nan=True,
+        ),
+        Column("mean", state_action, "f8", long_name="mean of Q", low=0, high=1 + ROUNDING, nan=True),
+        Column(
+            "std", state_action, "f8", long_name="standard deviation of Q", low=0, high=1 + ROUNDING, nan=True
+        ),
+        Column("min", state_action, "f8", long_name="least Q", low=0, high=1 + ROUNDING, nan=True),
+        Column("max", state_action, "f8", long_name="largest Q", low=0, high=1 + ROUNDING, nan=True),
+        Column(
+            "eopl_mean",
+            state_action,
+            "f8",
+            "step",
+            "mean of the expected optimal path lengths",
+            low=0,
+            nan=True,
+        ),
+        Column("eopl_std", state_action, "f8", "step", "their standard deviation", low=0, nan=True),
     )
     counts = (
-        Column("n", state_action, "i4", long_name="sources with Q > 0"),
-        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive"),
-        Column("eopl_n", state_action, "i4", long_name="sources whose path arrives"),
+        Column("n", state_action, "i4", long_name="sources with Q > 0", low=0),
+        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive", low=0),
+        Column("eopl_n", state_action, "i4", long_name="sources whose path arrives", low=0),
         Column("flags", state_action, "u1", long_name="how the pair was treated"),
     )
     tables = (
-        Column("value_mean", state, "f8", long_name="mean over sources of the largest action value"),
-        Column("library_q", ("library", *state_action), "f8", long_name="action values of a source"),
-        Column("library_td_var", ("library", *state_action), "f8", long_name="its mean squared TD error"),
-        Column("library_task", ("library",), "i8", long_name="task id of the source"),
+        Column(
+            "value_mean",
+            state,
+            "f8",
+            long_name="mean over sources of the largest action value",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column(
+            "library_q",
+            ("library", *state_action),
+            "f8",
+            long_name="action values of a source",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column(
+            "library_td_var",
+            ("library", *state_action),
+            "f8",
+            long_name="its mean squared TD error",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column("library_task", ("library",), "i8", long_name="task id of the source", low=0),
     )
     axes = (*state_axes, action, _index("library", library), *more_axes)
     return Schema("fit", axes, (*moments, *counts, *tables, *more))
@@ -205,39 +333,65 @@ def run_schema(
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
     columns = [
-        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode"),
-        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal"),
-        Column("start", _led(start_per_task, state_action), "f8", long_name="initial action values"),
+        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode", low=1),
+        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal", high=1),
+        Column(
+            "start",
+            _led(start_per_task, state_action),
+            "f8",
+            long_name="initial action values",
+            low=0,
+            high=1,
+        ),
         Column("potential", _led(potential_per_task, state), "f8", long_name="shaping potential"),
         *parameters,
         *_keeping(),
     ]
     if exact_values:
         columns += [
-            Column("v_star", (TASK,), "f8", long_name="optimal value of the start"),
+            Column("v_star", (TASK,), "f8", long_name="optimal value of the start", low=0, high=1 + ROUNDING),
             Column(
-                "v_eps", (TASK,), "f8", long_name="value of the start under epsilon-greedy on the optimum"
+                "v_eps",
+                (TASK,),
+                "f8",
+                long_name="value of the start under epsilon-greedy on the optimum",
+                low=0,
+                high=1 + ROUNDING,
             ),
         ]
     if evaluations:
         columns += [
             Column(
-                "eval_return", (TASK, "evaluation"), "f8", long_name="discounted return of the greedy policy"
+                "eval_return",
+                (TASK, "evaluation"),
+                "f8",
+                long_name="discounted return of the greedy policy",
+                low=0,
+                high=1,
             ),
-            Column("eval_reached", (TASK, "evaluation"), "f8", long_name="share of evaluations that arrive"),
-            Column("eval_steps", (TASK, "evaluation"), "i4", "step", "steps of the greedy policy"),
+            Column(
+                "eval_reached",
+                (TASK, "evaluation"),
+                "f8",
+                long_name="share of evaluations that arrive",
+                low=0,
+                high=1,
+            ),
+            Column("eval_steps", (TASK, "evaluation"), "i4", "step", "steps of the greedy policy", low=1),
         ]
     if keep_q:
         columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))
     if updating:
         columns += [
-            Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair"),
-            Column("added", (TASK,), "i8", long_name="pairs whose value was added to what is known"),
+            Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
+            Column("added", (TASK,), "i8", long_name="pairs whose value was added to what is known", low=0),
             Column(
                 "log_std",
                 (TASK,),
                 "f8",
                 long_name="median over pairs of the standard deviation of ln Q after the task",
+                low=0,
+                nan=True,
             ),
         ]
     indices = [_index("episode", episodes), *([_index("evaluation", evaluations)] if evaluations else [])]
@@ -256,8 +410,11 @@ def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
             (TASK, CANDIDATE),
             "f8",
             long_name="mean return over the episodes; NaN where it was not tried",
+            low=0,
+            high=1,
+            nan=True,
         ),
-        Column("steps", (TASK,), "i8", "step", "environment steps simulated"),
+        Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
         *_keeping(),
         *(Column(name, (CANDIDATE,), "f8", long_name="parameter of the candidate") for name in parameters),
     )
@@ -283,9 +440,15 @@ def missing(schema: Schema, *, part: bool) -> str:
     for wanted in _least(schema.kind, dims):
         found = there.get(wanted.name)
         free = schema.kind == "run" and wanted.name in ("start", "potential")
-        if found is None or not _serves(found, wanted, free):
+        if found is None or not serves(found, wanted, free):
             return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
     return ""
+
+
+def serves(found: Column, wanted: Column, free: bool = False) -> bool:
+    """Whether a column is laid out as another; a `free` one may also have a task axis before its dimensions."""
+    dims = found.dims[1:] if free and found.per_task else found.dims
+    return (dims, found.little_endian, found.hashed) == (wanted.dims, wanted.little_endian, wanted.hashed)
 
 
 def _least(kind: str, dims: tuple[str, ...]) -> tuple[Column, ...]:
@@ -310,18 +473,19 @@ def _least(kind: str, dims: tuple[str, ...]) -> tuple[Column, ...]:
 
 
 def _held(wanted: Column, there: dict[str, Column]) -> bool:
-    return wanted.name in there and _serves(there[wanted.name], wanted, False)
-
-
-def _serves(found: Column, wanted: Column, free: bool) -> bool:
-    dims = found.dims[1:] if free and found.per_task else found.dims
-    return (dims, found.little_endian, found.hashed) == (wanted.dims, wanted.little_endian, wanted.hashed)
+    return wanted.name in there and serves(there[wanted.name], wanted)
 
 
 def _keeping() -> tuple[Column, ...]:
     return (
         Column(
-            "seconds", (TASK,), "f8", "s", "time inside the kernel, a fair share of its batch", hashed=False
+            "seconds",
+            (TASK,),
+            "f8",
+            "s",
+            "time inside the kernel, a fair share of its batch",
+            hashed=False,
+            low=0,
         ),
         Column(
             TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
@@ -331,9 +495,18 @@ def _keeping() -> tuple[Column, ...]:
 
 def _weighing() -> tuple[Column, ...]:
     return (
-        Column("weight", (TASK, "moment", "hypothesis"), "f4", long_name="weight of a library table"),
-        Column("moves", (TASK,), "i4", long_name="times that the start table followed the weights"),
-        Column("frozen", (TASK,), "i4", long_name="episodes after which the weights froze, -1: never"),
+        Column(
+            "weight",
+            (TASK, "moment", "hypothesis"),
+            "f4",
+            long_name="weight of a library table",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column("moves", (TASK,), "i4", long_name="times that the start table followed the weights", low=0),
+        Column(
+            "frozen", (TASK,), "i4", long_name="episodes after which the weights froze, -1: never", low=-1
+        ),
     )
 
 

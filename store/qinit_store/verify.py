@@ -8,8 +8,10 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import subprocess
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
@@ -21,7 +23,12 @@ MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take 
 SECONDS = 600
 UNREAD = "unread"
 PROGRAM = "from qinit_store.verify import child; child(sys.argv[1:])"
+OPENING = "qinit_store.reading:open_doubtful"
 PACKAGES = ("qinit_store", "numpy", "h5py")  # what it imports from elsewhere than the standard library
+OUT_OF_MEMORY = "out of memory"  # a verdict
+# what Python reports where memory ends before there can be one
+WITHOUT_MEMORY = (b"MemoryError", b"failed to map segment", b"Cannot allocate memory")
+ALLOWING = {"memory": "ulimit -v", "processor time": "ulimit -t"}  # what tells the limits of a process
 ERRORS = {UNREAD: SystemFailed, **{error.state: error for error in (Damaged, NotOurs, TooNew)}}
 
 
@@ -53,47 +60,76 @@ class Verdict:
             raise ERRORS[self.state](self.problem)
 
 
-def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS) -> Verdict:
-    """What a child process limited to `memory` bytes and `seconds` finds; NotFound where there is nothing."""
+def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS, opening: str = OPENING) -> Verdict:
+    """What a child process limited to `memory` bytes and `seconds` finds, or to less where this process may have no more.
+
+    `opening` is the function, MODULE:NAME, that opens the file there and knows what it must hold besides its digests. A child
+    that a limit ends says nothing of the file: "unread". NotFound where there is nothing.
+    """
     if not exists(path):
         raise NotFound(f"there is no {path}; `qinit list` shows what there is")
-    command = isolated(PROGRAM, PACKAGES, str(path), str(memory), str(seconds))
+    memory, seconds = _soft(resource.RLIMIT_AS, memory), _soft(resource.RLIMIT_CPU, seconds)
+    packages = (*PACKAGES, opening.partition(".")[0])
+    command = isolated(PROGRAM, packages, str(path), str(memory), str(seconds), opening)
     try:
         done = subprocess.run(
             command, capture_output=True, timeout=seconds + 30, env=_environment(), check=False
         )
     except subprocess.TimeoutExpired:
-        problem = f"{path} is refused: reading it takes more than {seconds} s"
-        return Verdict(path, problem=problem, state=Damaged.state)
+        return _ran_out(path, "processor time", f"{seconds} s")
+    if done.returncode == -signal.SIGXCPU:
+        return _ran_out(path, "processor time", f"{seconds} s")
+    if done.returncode == -signal.SIGKILL:
+        problem = f"{path} could not be verified: the system ended the process that read it, as it does when memory runs out"
+        return Verdict(path, problem=problem, state=UNREAD)
     try:
         found = json.loads(done.stdout)
     except ValueError:
+        if any(sign in done.stderr for sign in WITHOUT_MEMORY):
+            return _ran_out(path, "memory", f"{memory / 1e9:.1f} GB")
         reason = f"ended by signal {-done.returncode}" if done.returncode < 0 else "ended without a verdict"
         problem = f"{path} is refused: the process that read it {reason}"
         return Verdict(path, problem=problem, state=Damaged.state)
-    return Verdict(path, **{**found, "damaged": tuple(found["damaged"])})
+    if found == OUT_OF_MEMORY:
+        return _ran_out(path, "memory", f"{memory / 1e9:.1f} GB")
+    return Verdict(**{**found, "path": path, "damaged": tuple(found["damaged"])})
 
 
 def child(arguments: list[str]) -> None:
     """What the child process does: limit itself, read, print its verdict as JSON."""
-    path, memory, seconds = Path(arguments[0]), int(arguments[1]), int(arguments[2])
+    path, memory, seconds, opening = Path(arguments[0]), int(arguments[1]), int(arguments[2]), arguments[3]
     for limit, most in (
         (resource.RLIMIT_AS, memory),
         (resource.RLIMIT_CPU, seconds),
         (resource.RLIMIT_FSIZE, 0),
         (resource.RLIMIT_CORE, 0),
     ):
-        resource.setrlimit(limit, (most, most))
-    found = asdict(_examined(path))
-    del found["path"]
+        resource.setrlimit(limit, (_soft(limit, most), resource.getrlimit(limit)[1]))
+    try:
+        found: object = {**asdict(_examined(path, opening)), "path": ""}
+    except MemoryError:
+        found = OUT_OF_MEMORY
     print(json.dumps(found))
 
 
-def _examined(path: Path) -> Verdict:
-    from qinit_store.reading import open_doubtful  # here, so that what h5py does is done under the limits
+def _soft(limit: int, wanted: int) -> int:
+    """The limit to set: no more than this process was given, and of processor time less than what would kill without a word."""
+    soft, hard = resource.getrlimit(limit)
+    if hard != resource.RLIM_INFINITY and limit == resource.RLIMIT_CPU:
+        hard -= 1
+    given = [one for one in (soft, hard) if one != resource.RLIM_INFINITY]
+    return max(0, min([wanted, *given]))
 
-    try:
-        with open_doubtful(path) as artefact:
+
+def _ran_out(path: Path, what: str, limit: str) -> Verdict:
+    problem = f"{path} could not be verified within {limit} of {what}, and may be sound; `{ALLOWING[what]}` tells what is allowed"
+    return Verdict(path, problem=problem, state=UNREAD)
+
+
+def _examined(path: Path, opening: str) -> Verdict:
+    module, _, name = opening.partition(":")
+    try:  # imported here, so that what h5py does is done under the limits
+        with getattr(import_module(module), name)(path) as artefact:
             damaged = tuple(artefact.damaged_tasks().tolist())
             state, problem = "sound", ""
             if artefact.strangeness:
@@ -111,9 +147,6 @@ def _examined(path: Path) -> Verdict:
                 problem,
                 state,
             )
-    except MemoryError:
-        problem = f"{path} is refused: reading it takes more memory than it may"
-        return Verdict(path, problem=problem, state=Damaged.state)
     except Damaged as damage:
         return Verdict(path, problem=str(damage), state=damage.state)
     except StoreError as error:

@@ -179,6 +179,7 @@ class Work:
             raise Refused(
                 f"{artefact.path} has no {', '.join(sorted(lacking))}, which later versions store; make it again with --force"
             )
+        artefact.expect(self._part_schema.axes, self._schema.task_columns)
         for block in artefact.blocks(given, artefact.schema.block_size):
             new = np.array([self._wants(number) for number in block[TASK].tolist()], dtype=bool)
             if new.any():
@@ -375,6 +376,7 @@ class Work:
                 raise Damaged(f"{path} has other columns than this version writes")
             if self._digests.keys() & set(part.tasks.tolist()):
                 raise Damaged(f"{path} repeats tasks of another part")
+            part.expect((), self._schema.task_columns)
             part.check_tasks()
             self._count(path, part.tasks, part.digests)
 

@@ -43,7 +43,7 @@ def _leave_unfinished(store: Path, command: str) -> None:
     action = Axis("action", np.array(family.actions, dtype="S"), "", "action")
     schema = sources_schema(family.axes(), action, family.parameters(), 0)
     rows = {
-        column.name: np.zeros((2, *schema.row_shape(column)), column.little_endian)
+        column.name: np.full((2, *schema.row_shape(column)), column.low or 0, column.little_endian)
         for column in schema.task_columns
         if column.given
     }

@@ -10,6 +10,7 @@ from typing import Any
 
 import h5py
 import pytest
+from conftest import Ended, Pipeline
 
 from qinit_store.reading import describe, open_artefact
 
@@ -139,3 +140,10 @@ def test_a_fit_that_does_not_hold_cannot_be_salvaged(
     assert (ended.code, ended.out) == (6, "")
     assert "cannot be salvaged" in ended.err
     assert not (tmp_path / "saved.h5").exists()
+
+
+def test_a_lower_limit_of_the_shell_is_kept_to_and_a_sound_file_is_sound(
+    shell: Callable[..., Ended], pipeline: Pipeline
+) -> None:
+    ended = shell(f"ulimit -v 2500000; ulimit -t 300; qinit verify {pipeline.sources}")
+    assert ended.code == 0, ended.err

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from breakable import Unflushed
 
-from qinit_store.schema import Axis, Column, fit_schema, run_schema, sources_schema
+from qinit_store.schema import ANYTHING, Axis, Column, fit_schema, run_schema, sources_schema
 from qinit_store.work import open_work
 
 DISK = Unflushed()
@@ -19,7 +21,13 @@ PARAMETERS = (
     Column("p", ("task",), "f8"),
 )
 
-SOURCES = sources_schema((ROW, COL), ACTION, PARAMETERS, 5)
+
+def free(schema):
+    """The schema with columns that may have any value: made-up tasks have any."""
+    return replace(schema, columns=tuple(replace(column, **ANYTHING) for column in schema.columns))
+
+
+SOURCES = free(sources_schema((ROW, COL), ACTION, PARAMETERS, 5))
 
 
 def spec_for(tasks=6, **changed):
@@ -67,7 +75,7 @@ def make_sources(path, tasks=6, batch=4, order=None, schema=SOURCES, spec=None, 
 
 
 def make_fit(path, seed=0, inputs=()):
-    schema = fit_schema((ROW, COL), ACTION, 3)
+    schema = free(fit_schema((ROW, COL), ACTION, 3))
     with open_work(path, schema, {"estimator": "mle", "seed": seed}, disk=DISK) as work:
         if work.complete:
             return work.target
@@ -75,16 +83,18 @@ def make_fit(path, seed=0, inputs=()):
 
 
 def make_run(path, tasks=4, episodes=8, keep_q=True):
-    schema = run_schema(
-        (ROW, COL),
-        ACTION,
-        PARAMETERS,
-        episodes,
-        start_per_task=False,
-        potential_per_task=True,
-        exact_values=True,
-        evaluations=2,
-        keep_q=keep_q,
+    schema = free(
+        run_schema(
+            (ROW, COL),
+            ACTION,
+            PARAMETERS,
+            episodes,
+            start_per_task=False,
+            potential_per_task=True,
+            exact_values=True,
+            evaluations=2,
+            keep_q=keep_q,
+        )
     )
     with open_work(path, schema, {"method": "zero", "tasks": tasks}, disk=DISK) as work:
         ids = np.arange(tasks)
@@ -97,16 +107,18 @@ def narrow_schema(length, keep_q=False):
 
     For tests of size, and where hundreds of artefacts are made.
     """
-    return run_schema(
-        (Axis("place", np.arange(length)),),
-        Axis("action", np.arange(1)),
-        (),
-        3,
-        start_per_task=False,
-        potential_per_task=False,
-        exact_values=False,
-        evaluations=0,
-        keep_q=keep_q,
+    return free(
+        run_schema(
+            (Axis("place", np.arange(length)),),
+            Axis("action", np.arange(1)),
+            (),
+            3,
+            start_per_task=False,
+            potential_per_task=False,
+            exact_values=False,
+            evaluations=0,
+            keep_q=keep_q,
+        )
     )
 
 

@@ -150,6 +150,20 @@ def very_many_datasets(file, other):
         file.create_dataset(f"d{number}", (6,), "i1")
 
 
+def more_tasks_than_digests(file, other):
+    replaced(file, "task", shape=(2**20,), dtype="<i8", chunks=(2**20,), compression="gzip")[...] = np.arange(
+        2**20
+    )
+    digests = replaced(
+        file, "task_digest", shape=(2**20, 32), dtype="u1", chunks=(2**20, 32), compression="gzip"
+    )
+    digests[...] = 0
+
+
+def never_written(file, other):
+    replaced(file, "start", shape=(4, 1), dtype="<f8", chunks=(2, 1))
+
+
 def shape_bomb(file, other):
     replaced(file, "start", shape=(2**50, 1), dtype="<f8", chunks=(64, 1))
 
@@ -305,6 +319,8 @@ HOSTILE = {
     huge_attribute: "attribute provenance_json has values of more than 4 MiB",
     very_many_attributes: "too many attributes",
     very_many_datasets: "too many datasets",
+    more_tasks_than_digests: "it declares 1048576 tasks, and digests of fewer are in it",
+    never_written: "start is not all there",
     shape_bomb: "declare more bytes than an artefact may have",
     shape_bomb_of_tasks: "declare more bytes than an artefact may have",
     shape_that_overflows: "declare more bytes than an artefact may have",
@@ -325,7 +341,7 @@ HOSTILE = {
     name_with_a_blank: "is no name of a dataset",
     axes_unknown: "no axis nowhere",
     axes_too_many: "steps does not fit its axes",
-    deep_settings: "recursion",
+    deep_settings: "nested too deeply",
     settings_without_names: "is damaged",
     settings_with_infinity: "is damaged",
     no_settings: "it has no spec_json",
@@ -467,14 +483,14 @@ def test_nothing_is_not_found(tmp_path):
 
 def test_verification_ends_a_reader_that_takes_too_much_memory(sound):
     verdict = verify(sound, memory=64 * 1024**2)  # not enough to import numpy
-    assert not verdict.sound
-    assert "refused" in verdict.problem
+    assert verdict.state == "unread"
+    assert "within 0.1 GB of memory" in verdict.problem
 
 
 def test_verification_ends_a_reader_that_takes_too_long(sound):
     verdict = verify(sound, seconds=0)
-    assert not verdict.sound
-    assert "refused" in verdict.problem
+    assert verdict.state == "unread"
+    assert "within 0 s of processor time" in verdict.problem
 
 
 def values_of(path):

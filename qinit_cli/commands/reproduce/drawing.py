@@ -84,8 +84,8 @@ class Drawing:
 
     def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
+        from qinit_cli.artefacts import open_artefact
         from qinit_cli.runs import Run as Reader
-        from qinit_store.reading import open_artefact
 
         for artefact in artefacts:
             if isinstance(artefact, Run) and artefact not in self._runs:

@@ -37,8 +37,16 @@ class Corridor(TableFamily):
         from qinit_cli.plugin.kernels import Column
 
         return (
-            Column("door", ("task",), "<i4", "1", "cell of the door"),
-            Column("slip", ("task",), "<f8", "1", "chance that a step goes the other way"),
+            Column("door", ("task",), "<i4", "1", "cell of the door", low=1, high=self.length - 1),
+            Column(
+                "slip",
+                ("task",),
+                "<f8",
+                "1",
+                "chance that a step goes the other way",
+                low=0,
+                high=self.slip,
+            ),
         )
 
     def draw(self, chance: np.random.Generator) -> tuple[int, float]:

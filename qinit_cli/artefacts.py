@@ -1,0 +1,219 @@
+"""Artefacts as commands open them: whatever is in the file, it fits the settings that it says it was made with.
+
+The store vouches for the bytes. Whether they mean something is known here: the settings are checked by the dataclasses that
+make them, the axes by the family, and each number by the range that its column has, task parameters among them, before a kernel
+or a picture sees any of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli import settings
+from qinit_cli.environments import Family
+from qinit_cli.stages.sources import curve_bins
+
+if TYPE_CHECKING:
+    from qinit_store.reading import Artefact, Description
+    from qinit_store.schema import Axis, Column
+
+TABLE = {"sources": "q", "fit": "mu", "run": "start"}  # a table over states and actions that each kind has
+INDICES = ("bin", "library", "episode", "evaluation", "hypothesis", "candidate", "held_out", "byte")
+COUNTED = {"n": ("mu", "sigma", "mean", "std", "min", "max"), "eopl_n": ("eopl_mean", "eopl_std")}
+
+
+def open_artefact(path: Path, kind: str | None = None) -> Artefact:
+    """The artefact at `path`; its content hash holds, and it is what its settings make.
+
+    NotFound, Refused where it is of another kind than `kind`, Damaged where it is not as it was written or could not be made.
+    """
+    from qinit_store import reading
+
+    return _fitting(reading.open_artefact(path, kind))
+
+
+def open_doubtful(path: Path) -> Artefact:
+    """The same, though its content hash need not hold: for verify and salvage. Damaged where its settings cannot be."""
+    from qinit_store import reading
+
+    return _fitting(reading.open_doubtful(path))
+
+
+def described(entry: Description) -> Description:
+    """The entry of a list with settings that can be, else with none: "damaged", if a command of ours seems to have made it."""
+    if not entry.spec:
+        return entry
+    try:
+        settings.check(entry.kind, entry.spec)
+    except ValueError as fault:
+        unknown = replace(entry, spec={})
+        if entry.state == "done" and _ours(entry.spec):
+            return replace(unknown, state="damaged", problem=f"{entry.path} is damaged: {fault}")
+        return unknown
+    return entry
+
+
+def family_in(artefact: Artefact) -> Family:
+    """The family that its tables are over; NotAllowed where that is not installed, or has other states here."""
+    from qinit_cli.environments import family_of
+    from qinit_cli.errors import NotAllowed
+
+    family = family_of(_drawn(artefact), artefact.provenance)
+    wanted = (*family.shape, len(family.actions))
+    column = next(one for one in artefact.schema.columns if one.name == TABLE[artefact.kind])
+    if (there := artefact.schema.row_shape(column)) != wanted:
+        there_told, here_told = (" x ".join(map(str, shape)) for shape in (there, wanted))
+        raise NotAllowed(
+            f"the tables of {artefact.path} are over {there_told} states and actions, {family.label} has {here_told}; install "
+            "the version of its package that they were made with"
+        )
+    return family
+
+
+def action_axis(family: Family) -> Axis:
+    """The axis of the family's actions, labelled by their names."""
+    import numpy as np
+
+    from qinit_store.schema import Axis
+
+    return Axis("action", np.array(family.actions, dtype="S"), "", "action")
+
+
+def _fitting(artefact: Artefact) -> Artefact:
+    try:
+        if _ours(artefact.spec):
+            _expect(artefact)
+    except BaseException:
+        artefact.close()
+        raise
+    return artefact
+
+
+def _ours(spec: dict[str, Any]) -> bool:
+    """Whether a command made it: what is put into a store by other programs has settings of its own."""
+    return bool({"kind", "algorithm_version"} & spec.keys())
+
+
+def _expect(artefact: Artefact) -> None:
+    try:
+        settings.check(artefact.kind, artefact.spec)
+        family = settings.family(_drawn(artefact)["family"])
+        axes, columns = _layout(artefact, family)
+        artefact.expect(axes, columns)
+        if artefact.kind == "fit":
+            _check_unknown(artefact)
+    except ValueError as fault:
+        raise artefact.damage(str(fault)) from fault
+
+
+def _drawn(artefact: Artefact) -> dict[str, Any]:
+    """The settings that tell how its tasks were drawn: of a fit those of its sources."""
+    drawn: dict[str, Any] = artefact.spec["sources"] if artefact.kind == "fit" else artefact.spec
+    return drawn
+
+
+def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list[Column]]:
+    """The axes and columns that the settings make; what depends on an installed package is not looked into."""
+    lengths = _lengths(artefact)
+    for name, length in lengths.items():
+        if (there := artefact.schema.sizes.get(name, 0)) != length:
+            raise ValueError(f"its axis {name} has {there} entries; its settings make {length}")
+    axes = [_index(name, artefact.schema.sizes[name]) for name in INDICES if name in artefact.schema.sizes]
+    if family is not None and artefact.kind != "tuning" and not getattr(family, "packages", ()):
+        axes += [*family.axes(), action_axis(family)]
+    parameters = () if family is None or artefact.kind not in ("sources", "run") else family.parameters()
+    names = {*(column.name for column in parameters), *artefact.spec.get("grid", ())}
+    if lacking := names - {column.name for column in artefact.schema.columns}:
+        raise ValueError(f"it lacks {min(lacking)}")
+    if artefact.tasks.size and artefact.kind != "fit" and artefact.tasks[-1] >= artefact.spec["tasks"]:
+        raise ValueError(f"it holds task {artefact.tasks[-1]} of {artefact.spec['tasks']}, counted from 0")
+    highest = _highest(artefact)
+    known = [*_columns(artefact), *parameters]
+    return axes, [replace(one, high=highest[one.name]) if one.name in highest else one for one in known]
+
+
+def _lengths(artefact: Artefact) -> dict[str, int]:
+    """How long the settings make each index."""
+    spec = artefact.spec
+    match artefact.kind:
+        case "sources":
+            learning = settings.learning(spec["learning"], spec["learner"])
+            return {"bin": curve_bins(spec["learner"], learning)}
+        case "run":
+            learning = settings.learning(spec["learning"])
+            every = spec.get("evaluate_every", 0)
+            return {
+                "episode": learning.episodes,
+                "evaluation": 1 + learning.episodes // every if every else 0,
+            }
+        case _:
+            return {}
+
+
+def _highest(artefact: Artefact) -> dict[str, float]:
+    """The largest values that these settings allow, by column, where they are what bounds it."""
+    spec, kind = artefact.spec, artefact.kind
+    if kind == "fit":
+        tasks = spec["sources"]["tasks"]
+        return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1}
+    if kind == "tuning" or spec.get("learner") == "exact":
+        return {}
+    learning = settings.learning(spec["learning"])
+    if kind == "run":
+        return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}
+    most = learning.episodes * learning.horizon
+    return {"steps": most, "visits": most, "curve_steps": learning.horizon}
+
+
+def _columns(artefact: Artefact) -> tuple[Column, ...]:
+    """The columns that an artefact of this kind may have, over the file's own axes."""
+    from qinit_store.fit_statistics import FitStatistics, fit_statistics
+    from qinit_store.schema import NO_MOMENTS, fit_schema, run_schema, sources_schema, tuning_schema
+
+    there = {column.name: column for column in artefact.schema.columns}
+    sizes, axes = artefact.schema.sizes, {axis.name: axis for axis in artefact.schema.axes}
+    if artefact.kind == "tuning":
+        return tuning_schema(tuple(artefact.spec["grid"]), sizes.get("candidate", 0)).columns
+    table = there[TABLE[artefact.kind]]
+    *states, action = (axes[name] for name in table.dims if name != "task")
+    if artefact.kind == "sources":
+        return sources_schema(tuple(states), action, (), sizes.get("bin", 0)).columns
+    if artefact.kind == "fit":
+        names = (*(axis.name for axis in states), action.name)
+        everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
+        return fit_schema(tuple(states), action, sizes["library"], *fit_statistics(everything, names)).columns
+    return run_schema(
+        tuple(states),
+        action,
+        (),
+        sizes["episode"],
+        start_per_task=table.per_task,
+        potential_per_task=there["potential"].per_task,
+        exact_values="v_star" in there or "v_eps" in there,
+        evaluations=sizes.get("evaluation", 0),
+        keep_q="q" in there,
+        updating="visits" in there,
+        hypotheses=sizes.get("hypothesis", 0),
+        moments=axes["moment"].values if "moment" in axes else NO_MOMENTS,
+    ).columns
+
+
+def _check_unknown(artefact: Artefact) -> None:
+    """ValueError where a moment is NaN though tasks were counted, or is none though none were."""
+    import numpy as np
+
+    for count, moments in COUNTED.items():
+        none = artefact.read(count) == 0
+        for name in moments:
+            if not np.array_equal(np.isnan(artefact.read(name)), none):
+                raise ValueError(f"{name} must be NaN where {count} is 0, and nowhere else")
+
+
+def _index(name: str, length: int) -> Axis:
+    import numpy as np
+
+    from qinit_store.schema import Axis
+
+    return Axis(name, np.arange(length))

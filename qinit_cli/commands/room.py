@@ -1,0 +1,135 @@
+"""Whether what is asked for fits: into an artefact, into memory and onto the disk. What cannot is refused before it begins.
+
+Each figure is the least that it takes, so that nothing is refused that might have gone well. Time is no reason to refuse.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from qinit_cli.errors import NotAllowed
+from qinit_store.errors import SystemFailed
+
+if TYPE_CHECKING:
+    from qinit_cli.commands.making import Plan
+
+KEPT_OF_A_TASK = 300  # bytes in memory: its id, its digest and where it is saved, as Python keeps them
+CGROUP = Path("/sys/fs/cgroup")
+
+
+@dataclass(frozen=True)
+class Size:
+    """What tasks take, in bytes; of a task what its row in the artefact holds."""
+
+    tasks: int
+    task: int
+    uncompressed: int = 0  # of that, what takes as much on the disk while tasks are learned
+    learning: int = 0  # what a task takes in memory while it is learned, beside its row
+
+    @classmethod
+    def of(cls, plan: Plan) -> Size:
+        """That of an artefact."""
+        columns = [column for column in plan.schema.task_columns if column.little_endian.kind == "f"]
+        real = sum(math.prod(plan.schema.row_shape(one)) * one.little_endian.itemsize for one in columns)
+        return cls(plan.count, plan.schema.task_bytes, real, plan.learning_bytes)
+
+
+def check_artefact(size: Size) -> None:
+    """NotAllowed where no reader would open such an artefact."""
+    from qinit_store import guard
+
+    if size.task > guard.LARGEST_TASK:
+        raise NotAllowed(
+            f"a task would take {_told(size.task)}, and may take {_told(guard.LARGEST_TASK)} in an artefact; ask for fewer "
+            "--episodes, fewer evaluations or a smaller table"
+        )
+    most = min(guard.LARGEST_DECLARED // size.task, guard.MOST_TASKS)
+    if size.tasks > most:
+        raise NotAllowed(
+            f"{size.tasks} tasks would take {_told(size.tasks * size.task)}; an artefact holds {most} of them at most, so ask "
+            "for fewer --tasks, or for several artefacts by --seed"
+        )
+
+
+def check_room(size: Size, count: int, where: Path, threads: int | None) -> None:
+    """SystemFailed where this machine has no room for `count` tasks more; `threads` learn, None where workers elsewhere do."""
+    if threads is not None:
+        check_memory(size, count, threads)
+    check_disk(size, count, where)
+
+
+def check_memory(size: Size, count: int, threads: int) -> None:
+    """SystemFailed where what is learned at once, and what is kept of each task, does not fit into memory."""
+    from qinit_cli.workforce import BATCH
+
+    needed = min(count, threads * BATCH) * (size.task + size.learning) + count * KEPT_OF_A_TASK
+    if needed > (there := memory_available()):
+        raise SystemFailed(
+            f"learning needs at least {_told(needed)} of memory, {_told(there)} are available; ask for fewer --jobs, --tasks or "
+            "--episodes"
+        )
+
+
+def check_disk(size: Size, count: int, where: Path) -> None:
+    """SystemFailed where what is saved while tasks are learned does not fit onto the disk."""
+    folder = next(one for one in (where, *where.absolute().parents) if one.is_dir())
+    status = os.statvfs(folder)
+    free = status.f_bavail * status.f_frsize
+    if (needed := count * size.uncompressed) > free:
+        raise SystemFailed(
+            f"{count} tasks need at least {_told(needed)} on the disk of {folder}, where {_told(free)} are free; name another "
+            "--store or -o, or ask for fewer --tasks"
+        )
+
+
+def memory_available() -> int:
+    """Bytes of memory that this process may still take: of the machine, of its control group, and by `ulimit -v`."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    known = [*_of_the_machine(), *_of_control_groups(), *([] if limit == resource.RLIM_INFINITY else [limit])]
+    return min(known, default=2**63)
+
+
+def _of_the_machine() -> Iterator[int]:
+    for line in _lines(Path("/proc/meminfo")):
+        if line.startswith("MemAvailable:"):
+            yield int(line.split()[1]) * 1024
+
+
+def _of_control_groups() -> Iterator[int]:
+    """What is left to the process's group and those above it; pages of files give way, and count as left."""
+    for line in _lines(Path("/proc/self/cgroup")):
+        path = line.strip().partition("::")[2]
+        group = CGROUP / path.lstrip("/") if path else CGROUP
+        for one in (group, *group.parents):
+            most = next(iter(_lines(one / "memory.max")), "max").strip()
+            if most != "max":
+                used = int(next(iter(_lines(one / "memory.current")), "0"))
+                files = [
+                    int(said.split()[1])
+                    for said in _lines(one / "memory.stat")
+                    if said.startswith("inactive_file ")
+                ]
+                yield max(0, int(most) - used + sum(files))
+            if one == CGROUP:
+                break
+
+
+def _lines(path: Path) -> list[str]:
+    """None where there is no such file, as on other systems."""
+    try:
+        return path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
+def _told(size: float) -> str:
+    unit, word = next(
+        ((unit, word) for unit, word in ((1e12, "TB"), (1e9, "GB")) if size >= unit), (1e6, "MB")
+    )
+    return f"{size / unit:,.1f} {word}"

@@ -1,0 +1,283 @@
+"""Files whose digests hold and whose numbers or settings cannot be: refused before anything is made of them."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from conftest import Ended, Pipeline, run_here
+from forging import LIBVER, forge, give, put, settle
+
+SOURCES = [
+    ("goal_row", 0, 1_000_000),
+    ("goal_row", 0, -5),
+    ("goal_col", 1, 6),
+    ("p", 2, math.nan),
+    ("p", 0, -3.0),
+    ("q", (0, 0, 0, 0), math.nan),
+    ("q", (3, 1, 1, 1), -math.inf),
+    ("q", (3, 1, 1, 1), 1e308),
+    ("td_var", (0, 0, 0, 0), -1.0),
+    ("visits", (0, 0, 0, 0), -5),
+    ("eopl", (1, 2, 3, 0), -(2**31)),
+    ("solved", 0, 7),
+    ("steps", 0, -1),
+    ("curve_reached", (0, 0), 1.5),
+    ("curve_steps", (0, 0), math.inf),
+]
+
+
+@pytest.mark.parametrize(("name", "where", "value"), SOURCES)
+def test_sources_with_a_value_that_cannot_be_are_refused_and_told(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str, where: Any, value: Any
+) -> None:
+    path = put(pipeline.sources, tmp_path / "forged.h5", name, where, value)
+    for command in (("show", path), ("fit", path), ("export", path, "--to", "json", "-o", "x.json")):
+        ended = here(*command)
+        assert (ended.code, ended.out) == (6, "")
+        assert f"{name} is " in ended.err
+
+
+def test_verify_names_such_a_task_and_salvage_leaves_it_out(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    path = put(pipeline.sources, tmp_path / "forged.h5", "q", (2, 0, 0, 0), math.nan)
+    verified = here("verify", path, "--format", "json")
+    assert verified.code == 6
+    [row] = json.loads(verified.out)["rows"]
+    assert (row["state"], row["damaged_tasks"]) == ("damaged", "2")
+    salvaged = here("salvage", path, "-o", "kept.h5", "--json")
+    assert json.loads(salvaged.out)["lost"] == [2]
+
+
+def test_growing_takes_no_such_task_over(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    from conftest import SMALL_SOURCES
+
+    (tmp_path / "store" / "sources").mkdir(parents=True)
+    put(pipeline.sources, tmp_path / "store" / "sources" / "forged.h5", "q", (2, 0, 0, 0), 1e308)
+    more = [word if word != "4" else "5" for word in SMALL_SOURCES]
+    grown = here("train-sources", *more, "--store", "store", "--json")
+    assert grown.code == 0
+    assert "nothing is taken over" in grown.err
+    assert json.loads(grown.out)["skipped"] == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "value"),
+    [
+        ("mu", (0, 0, 0), math.inf),
+        ("n", (0, 0, 0), -1),
+        ("n", (0, 0, 0), 5),
+        ("max", (0, 0, 0), 1e308),
+        ("library_q", (0, 0, 0, 0), math.nan),
+        ("library_task", 0, 4),
+        ("value_mean", (0, 0), -1.0),
+    ],
+)
+def test_a_fit_with_a_value_that_cannot_be_is_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str, where: Any, value: Any
+) -> None:
+    path = put(pipeline.fit, tmp_path / "forged.h5", name, where, value)
+    for command in (("transfer", "mean", path), ("show", path), ("plot", "heatmaps", path, "-o", "x.png")):
+        ended = here(*command)
+        assert ended.code == 6
+        assert f"{name} is " in ended.err
+
+
+def test_a_moment_is_unknown_where_nothing_was_counted_and_nowhere_else(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    with h5py.File(pipeline.fit) as file:
+        known = tuple(np.argwhere(file["n"][...] > 0)[0])
+    ended = here("transfer", "mean", put(pipeline.fit, tmp_path / "forged.h5", "mu", known, math.nan))
+    assert (ended.code, "mu must be NaN where n is 0" in ended.err) == (6, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "value"),
+    [
+        ("goal_row", 0, 7),
+        ("steps", (0, 0), 0),
+        ("steps", (0, 0), 1_001),
+        ("reached", (0, 0), 2),
+        ("v_star", 0, 7.0),
+    ],
+)
+def test_a_run_with_a_value_that_cannot_be_is_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str, where: Any, value: Any
+) -> None:
+    path = put(pipeline.runs["zero"], tmp_path / "forged.h5", name, where, value)
+    for command in (("compare", path), ("show", path)):
+        ended = here(*command)
+        assert (ended.code, f"{name} is " in ended.err) == (6, True)
+
+
+def test_a_candidate_that_earned_more_than_there_is_is_refused(
+    here: Callable[..., Ended], tuning: Path, tmp_path: Path
+) -> None:
+    ended = here("show", put(tuning, tmp_path / "forged.h5", "average", (0, 0), 2.0))
+    assert (ended.code, "average is 2.0" in ended.err) == (6, True)
+
+
+def _deleted(*names: str) -> Callable[[dict[str, Any]], Any]:
+    def change(spec: dict[str, Any]) -> None:
+        for name in names[:-1]:
+            spec = spec[name]
+        del spec[names[-1]]
+
+    return change
+
+
+SETTINGS: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "size below the axes": lambda spec: spec["family"].update(size=4),
+    "size as a text": lambda spec: spec["family"].update(size="6"),
+    "size beyond its range": lambda spec: spec["family"].update(size=10**6),
+    "an unknown family setting": lambda spec: spec["family"].update(depth=3),
+    "a family without a name": _deleted("family", "name"),
+    "a family that is a list": lambda spec: spec.update(family=[]),
+    "gamma missing": _deleted("learning", "gamma"),
+    "gamma as a text": lambda spec: spec["learning"].update(gamma="x"),
+    "gamma above 1": lambda spec: spec["learning"].update(gamma=1.5),
+    "episodes beside those of the curve": lambda spec: spec["learning"].update(episodes=7),
+    "a horizon of true": lambda spec: spec["learning"].update(horizon=True),
+    "a negative seed": lambda spec: spec.update(seed=-1),
+    "no number of tasks": lambda spec: spec.update(tasks="many"),
+    "fewer tasks than there are": lambda spec: spec.update(tasks=2),
+    "an unknown learner": lambda spec: spec.update(learner="magic"),
+    "an unknown setting": lambda spec: spec.update(extra=1),
+    "another kind": lambda spec: spec.update(kind="run"),
+}
+
+
+@pytest.mark.parametrize("change", SETTINGS.values(), ids=SETTINGS)
+def test_settings_that_cannot_be_are_refused_in_one_sentence(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, change: Callable[[dict[str, Any]], Any]
+) -> None:
+    path = settle(pipeline.sources, tmp_path / "forged.h5", change)
+    for command in ("show", "fit"):
+        ended = here(command, path)
+        assert (ended.code, ended.out, ended.err.count("\n")) == (6, "", 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "raw"),
+    [
+        ("spec_json", '{"seed":NaN}'),
+        ("spec_json", '{"seed":1e999}'),
+        ("spec_json", '{"seed":"\\ud800"}'),
+        ("spec_json", "[" * 900 + "]" * 900),
+        ("spec_json", '{"seed":1,"seed":2}'),
+        ("spec_json", '{"tasks":' + "1" * 4000 + "}"),
+        ("spec_json", '{"family":[],"sources":3,"tasks":1}'),
+        ("provenance_json", '{"time":5}'),
+        ("provenance_json", "[]"),
+        ("inputs_json", "[1]"),
+        ("inputs_json", "null"),
+    ],
+)
+def test_one_odd_file_does_not_stop_a_store(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str, raw: str
+) -> None:
+    store = Path(shutil.copytree(pipeline.store, tmp_path / "store"))
+    odd = store / "sources" / "odd.h5"
+    shutil.copy(pipeline.sources, odd)
+    with h5py.File(odd, "r+", libver=LIBVER) as file:
+        give(file, name, raw)
+    listed = here("list", "--store", store, "--format", "json")
+    assert listed.code == 0
+    states = {row["name"]: row["state"] for row in json.loads(listed.out)["rows"]}
+    assert states.pop("odd") in ("damaged", "done")
+    assert set(states.values()) == {"done"}
+    trained = here(
+        "train-sources", "gridworld", "--size", "2", "--tasks", "1", "--learner", "exact", "--store", store
+    )
+    assert trained.code == 0
+
+
+def _ends(arguments: list[str]) -> tuple[int, str]:
+    """How a command ends in a process of its own: whatever is in the file, this one goes on."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if not child:
+        signal.alarm(60)
+        ended = run_here(arguments)
+        os.write(writing, json.dumps([ended.code, ended.err[-2000:]]).encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        told = pipe.read()
+    _, status = os.waitpid(child, 0)
+    assert not os.WIFSIGNALED(status), f"ended by signal {os.WTERMSIG(status)}"
+    code, err = json.loads(told)
+    return code, err
+
+
+def _commands(kind: str, path: str) -> list[list[str]]:
+    """What can be done with one artefact of a kind."""
+    here = [
+        ["show", path],
+        ["export", path, "--to", "json", "-o", "x.json", "--force"],
+        ["list", "--store", "."],
+    ]
+    few = ["--tasks", "2", "--episodes", "5"]
+    match kind:
+        case "sources":
+            more = [
+                ["fit", path, "-o", "f.h5", "--force"],
+                ["plot", "histograms", path, "-o", "h.png", "--force"],
+            ]
+            more += [["plot", name, path, "-o", "o.png", "--force"] for name in ("occupancy", "eopl")]
+        case "fit":
+            more = [
+                ["transfer", name, path, *few, "-o", "r.h5", "--force"]
+                for name in ("mean", "ops-tl", "posterior")
+            ]
+        case "run":
+            more = [["compare", path], ["plot", "curves", path, "-o", "c.png", "--force"]]
+        case _:
+            more = [["plot", "tuning", path, "-o", "t.png", "--force"]]
+    return [*here, ["salvage", path, "-o", "s.h5", "--force"], ["verdicts", path], *more]
+
+
+def _try_forgeries(sound: list[tuple[str, Path]], folder: Path, seeds: range) -> None:
+    for seed in seeds:
+        chance = random.Random(seed)
+        kind, artefact = chance.choice(sound)
+        told = forge(artefact, folder / "forged.h5", seed)
+        arguments = chance.choice(_commands(kind, str(folder / "forged.h5")))
+        code, err = _ends(arguments)
+        assert code in (0, 2, 4, 6), f"seed {seed}, {told}: {arguments} ended with {code}, {err}"
+
+
+@pytest.fixture
+def sound(pipeline: Pipeline, tuning: Path) -> list[tuple[str, Path]]:
+    """An artefact of each kind, and runs of several methods."""
+    runs = [("run", pipeline.runs[name]) for name in ("zero", "ops-tl", "posterior", "ptrs")]
+    return [("sources", pipeline.sources), ("fit", pipeline.fit), ("tuning", tuning), *runs]
+
+
+def test_no_forgery_is_a_fault_of_qinit(
+    sound: list[tuple[str, Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _try_forgeries(sound, tmp_path, range(40))
+
+
+@pytest.mark.soak
+def test_no_forgery_of_thousands_is_a_fault_of_qinit(
+    sound: list[tuple[str, Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _try_forgeries(sound, tmp_path, range(40, 2_040))
