@@ -20,6 +20,9 @@ from typing import Any
 from qinit_cli.errors import UsageError
 
 LOCAL = Path("qinit.toml")
+OWN = frozenset(
+    {"dask", "import", "wrap"}
+)  # what runs code, or connects to those who could: never from LOCAL
 PREFIX = "QINIT_"
 
 Command = tuple[str, ...]  # ("train-sources", "gridworld")
@@ -38,14 +41,21 @@ class Setting:
 
 def files() -> list[Path]:
     """The configuration files that exist, the user's first: a later one wins."""
+    user = _user_file()
+    found = [path for path in (user, LOCAL) if path.is_file()]
+    return [user] if len(found) > 1 and user.samefile(LOCAL) else found
+
+
+def _user_file() -> Path:
     base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return [path for path in (Path(base) / "qinit" / "qinit.toml", LOCAL) if path.is_file()]
+    return Path(base) / "qinit" / "qinit.toml"
 
 
 def settings(commands: Commands) -> list[Setting]:
     """Every setting of every file, weakest first; UsageError for a file that is no TOML or a key that nothing has."""
     found = [setting for path in files() for setting in _read(path)]
     for setting in found:
+        _refuse_foreign(setting)
         _check(setting, commands)
     # within a file what is said of one command is stronger than what is said of all
     return sorted(found, key=lambda setting: (setting.origin == LOCAL, len(setting.table)))
@@ -113,6 +123,16 @@ def _check(setting: Setting, commands: Commands) -> None:
         where = f" of {' '.join(setting.table)}" if setting.table else ""
         raise UsageError(
             f"{setting.origin}: {setting.name} is no option{where}{_nearest(setting.name, known)}"
+        )
+
+
+def _refuse_foreign(setting: Setting) -> None:
+    """UsageError for what only the user may set: a folder's file comes with the folder, from whoever made that."""
+    if setting.origin == LOCAL and setting.name in OWN:
+        name = setting.name.replace("_", "-")
+        raise UsageError(
+            f"./{LOCAL}: {name} could run the code of others here, so no folder's file sets it; remove it, and give "
+            f"--{name}, {PREFIX}{setting.name.upper()} or set it in the user's own file, {_user_file()}"
         )
 
 

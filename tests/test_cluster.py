@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -20,9 +24,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qinit_cli import cluster
+from qinit_cli.answers import WorkerFailed, opened, packed
 from qinit_cli.errors import NotAllowed
 from qinit_cli.watch import Watch
 from qinit_store.errors import SystemFailed
+from qinit_store.schema import TASK, Axis, Column, Schema
 
 distributed = pytest.importorskip("distributed")
 
@@ -255,8 +261,26 @@ def test_without_the_package_the_extra_is_named(
     assert "pip install 'qinit[dask]'" in ended.err
 
 
+SCHEMA = Schema(
+    "sources",
+    (Axis("row", np.arange(2)),),
+    (
+        Column("q", (TASK, "row"), "f8"),
+        Column("steps", (TASK,), "i8"),
+        Column("seconds", (TASK,), "f8"),
+        Column("task_digest", (TASK,), "u1"),
+    ),
+)
+
+
 def _learned(ids: Any, watch: Watch) -> Any:
-    return ids, {"steps": np.full(len(ids), 3), "seconds": np.full(len(ids), 1e-6)}
+    count = len(ids)
+    rows = {
+        "q": np.ones((count, 2)) * ids[:, None],
+        "steps": np.full(count, 3),
+        "seconds": np.full(count, 1e-6),
+    }
+    return ids, rows
 
 
 @dataclass
@@ -281,6 +305,16 @@ class Pretended:
     def run(self, *arguments: Any, **options: Any) -> None:
         pass
 
+    @property
+    def scheduler(self) -> Any:
+        return self
+
+    def who_has(self) -> None:
+        pass
+
+    def sync(self, function: Any, keys: list[str]) -> dict[str, list[str]]:
+        return {key: ["tcp://10.0.0.7:4711"] for key in keys}
+
     def shutdown(self, wait: bool) -> None:
         pass
 
@@ -290,9 +324,9 @@ class KilledWorker(Exception):
 
 
 def _outcomes(client: Pretended) -> tuple[list[Any], cluster.Cluster]:
-    made = cluster.Cluster(client, "tcp://there:1", _learned, Watch())  # type: ignore[arg-type]  # all that it uses
+    made = cluster.Cluster(client, "tcp://there:1", _learned, Watch(), SCHEMA)
     with made:
-        return list(made.outcomes(8, np.arange(40), lambda: None)), made
+        return list(made.outcomes(np.arange(40), lambda: None)), made
 
 
 def test_tasks_whose_workers_die_again_and_again_fail_and_the_rest_go_on() -> None:
@@ -308,7 +342,7 @@ def test_a_scheduler_that_is_lost_ends_the_work_with_one_sentence() -> None:
 
 
 def test_a_worker_that_came_later_with_other_versions_ends_the_work() -> None:
-    errand = cluster.Errand("run", _learned, {**cluster.versions(), "numba": "0.1"})
+    errand = cluster.Errand("run", _learned, SCHEMA, {**cluster.versions(), "numba": "0.1"})
     with pytest.raises(cluster.Unequal, match=r"where this process has 0\.1") as raised:
         errand(np.arange(3))
     _, made = _outcomes(Pretended(lambda future: future.set_exception(raised.value)))
@@ -317,10 +351,156 @@ def test_a_worker_that_came_later_with_other_versions_ends_the_work() -> None:
 
 
 def test_a_worker_learns_nothing_more_for_a_run_that_was_stopped() -> None:
-    errand = cluster.Errand("a run of its own", _learned, cluster.versions())
-    assert len(errand(np.arange(3)).ids) == 3
+    errand = cluster.Errand("a run of its own", _learned, SCHEMA, cluster.versions())
+    assert len(opened(errand(np.arange(3)), np.arange(3), SCHEMA, whole=True).ids) == 3
     cluster.stop_there("a run of its own")
-    assert len(errand(np.arange(3)).ids) == 0
+    assert len(opened(errand(np.arange(3)), np.arange(3), SCHEMA, whole=False).ids) == 0
+
+
+@dataclass
+class Answering:
+    """A client whose workers answer each batch as this function does."""
+
+    answer: Callable[[Any], Any]
+    client: Pretended = field(default_factory=lambda: Pretended(lambda future: None))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.client, name)
+
+    def get_executor(self, pure: bool) -> Answering:
+        return self
+
+    def submit(self, function: Any, *arguments: Any, **options: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if len(arguments) == 2:
+            future.set_result(self.answer(arguments[1]))
+        return future
+
+
+def _packed(ids: Any, *failures: tuple[int, Exception]) -> bytes:
+    return packed(cluster.Outcome(*_learned(np.asarray(ids, np.int64), Watch()), failures), SCHEMA)
+
+
+def _said(said: object, content: bytes = b"") -> bytes:
+    raw = said if isinstance(said, bytes) else json.dumps(said).encode()
+    return b"qinit/1\n" + len(raw).to_bytes(8, "little") + raw + content
+
+
+def test_what_workers_answer_is_what_they_learned() -> None:
+    outcomes, made = _outcomes(
+        Answering(lambda batch: _packed(batch[1:], (int(batch[0]), ValueError("bad\nluck"))))
+    )
+    made.complain()
+    ids = np.concatenate([outcome.ids for outcome in outcomes])
+    failed = [failure for outcome in outcomes for failure in outcome.failures]
+    assert sorted([*ids.tolist(), *(task for task, _ in failed)]) == list(range(40))
+    assert {str(error) for _, error in failed} == {"ValueError: bad luck"}
+    tables = np.concatenate([outcome.rows["q"] for outcome in outcomes])
+    np.testing.assert_array_equal(tables, np.repeat(ids[:, None], 2, axis=1))
+
+
+def test_an_error_of_a_worker_comes_in_words_with_no_other_behind_it() -> None:
+    def fails(ids: Any, watch: Watch) -> Any:
+        return ids, {"steps": np.ones(len(ids))}
+
+    errand = cluster.Errand("another run", fails, SCHEMA, cluster.versions())
+    with pytest.raises(WorkerFailed, match="ValueError: sources: given") as raised:
+        errand(np.arange(3))
+    assert raised.value.__context__ is None
+    _, made = _outcomes(Pretended(lambda future: future.set_exception(raised.value)))
+    with pytest.raises(SystemFailed, match="cannot run what it is sent, ValueError"):
+        made.complain()
+
+
+WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "other tasks": (lambda batch: _packed(batch + 1000), "which it was not asked for"),
+    "another batch's": (lambda batch: _packed(batch + 1), "which it was not asked for"),
+    "nothing": (lambda batch: _packed(batch[:0]), "it answered for 0 of the"),
+    "all but one": (lambda batch: _packed(batch[1:]), "it answered for"),
+    "one twice": (lambda batch: _packed([*batch, batch[0]]), "twice for a task"),
+    "learned and failed": (lambda batch: _packed(batch, (int(batch[0]), ValueError())), "twice for a task"),
+    "no answer": (lambda batch: 7, "it answered int"),
+    "an object": (lambda batch: cluster.Outcome(batch, {}), "it answered Outcome"),
+    "no bytes": (lambda batch: b"", "it answered bytes"),
+    "half an answer": (lambda batch: _packed(batch)[:-1], "bytes for"),
+    "more than an answer": (lambda batch: _packed(batch) + b"0", "bytes for"),
+    "no JSON": (lambda batch: _said(b"{"), "JSON that cannot be read"),
+    "deep JSON": (lambda batch: _said(b"[" * 100_000), "JSON that cannot be read"),
+    "a list": (lambda batch: _said([]), "without saying for which tasks"),
+    "no ids": (lambda batch: _said({"failures": []}), "ids that are no numbers"),
+    "true as an id": (lambda batch: _said({"ids": [True], "failures": []}), "ids that are no numbers"),
+    "odd failures": (lambda batch: _said({"ids": [], "failures": [[0]]}), "a failure without a task"),
+    "rows of nothing": (
+        lambda batch: _said({"ids": [], "failures": [[int(task), ""] for task in batch]}, b"0"),
+        "1 bytes for no task",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_an_answer_that_does_not_fit_is_not_saved_and_ends_the_work_naming_the_worker(wrong: str) -> None:
+    answer, words = WRONG[wrong]
+    outcomes, made = _outcomes(Answering(answer))
+    assert not any(len(outcome.ids) or outcome.failures for outcome in outcomes)
+    with pytest.raises(SystemFailed, match=re.escape(words)) as raised:
+        made.complain()
+    assert "the worker tcp://10.0.0.7:4711 is not to be believed" in str(raised.value)
+
+
+def _talking(words: bytes) -> Iterator[str]:
+    """The address of a server that accepts, says this and nothing more."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        taken = []
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    taken.append(server.accept()[0])
+                    taken[-1].sendall(words)
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+        for one in taken:
+            one.close()
+
+
+@pytest.mark.parametrize("words", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", bytes(range(256)) * 9])
+def test_what_accepts_and_is_no_scheduler_ends_after_the_promised_time(
+    words: bytes, here: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "SCHEDULER_SECONDS", 0.3)
+    with contextlib.contextmanager(_talking)(words) as address:
+        began = time.monotonic()
+        ended = here("train-sources", "gridworld", "--dask", address)
+        assert time.monotonic() - began < 5
+    [sentence] = ended.err.splitlines()
+    assert (ended.code, ended.out) == (7, "")
+    assert f"no Dask scheduler answers at {address}" in sentence
+
+
+@pytest.mark.parametrize(
+    "content", ['{"address": 5}', '{"address": "file:///etc"}', "[[", '{"address": ["tcp://a:1"]}']
+)
+def test_a_scheduler_file_without_an_address_is_a_usage_error(content: str, here: Callable[..., Any]) -> None:
+    Path("s.json").write_text(content)
+    ended = here("train-sources", "gridworld", "--dask", "s.json")
+    assert ended.code == 2
+    assert "scheduler file" in ended.err
+
+
+def test_a_scheduler_file_that_another_user_wrote_or_may_write_is_refused(here: Callable[..., Any]) -> None:
+    Path("s.json").write_text('{"address": "tcp://127.0.0.1:9"}')
+    Path("s.json").chmod(0o666)
+    refused = here("train-sources", "gridworld", "--dask", "s.json")
+    assert refused.code == 2
+    assert "chmod o-w" in refused.err
+    if os.geteuid() == 0:
+        Path("s.json").chmod(0o644)
+        os.chown("s.json", 4711, 4711)
+        refused = here("train-sources", "gridworld", "--dask", "s.json")
+        assert refused.code == 2
+        assert "belongs to another user (uid 4711)" in refused.err
 
 
 @given(st.integers(0, 2_000), st.integers(1, 9), st.floats(1e-9, 10.0))

@@ -56,6 +56,32 @@ def test_the_local_file_wins_over_the_users_however_special_that_is(here: Path) 
     assert nested()["fit"] == {"store": "local", "library": 7}
 
 
+@pytest.mark.parametrize(
+    "text",
+    ['dask = "tcp://10.0.0.7:8786"', '[transfer]\ndask = "s.json"', '[transfer.zero]\ndask = "s.json"'],
+)
+def test_what_connects_to_those_who_could_run_code_here_comes_from_the_users_own_file_alone(
+    here: Path, text: str
+) -> None:
+    commands = {("transfer", "zero"): frozenset({"dask"})}
+    write(here, user=text)
+    assert configuration.defaults(commands, configuration.settings(commands))["transfer"]
+    write(here, local=text)
+    with pytest.raises(
+        UsageError, match=r"^\./qinit\.toml: dask could run the code of others.*QINIT_DASK.*home/qinit"
+    ):
+        configuration.settings(commands)
+
+
+def test_in_the_users_own_folder_the_file_is_the_users_own(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(here, user='dask = "tcp://10.0.0.7:8786"')
+    monkeypatch.chdir(here / "home" / "qinit")
+    commands = {("transfer", "zero"): frozenset({"dask"})}
+    assert [setting.name for setting in configuration.settings(commands)] == ["dask"]
+
+
 def test_dashes_and_underscores_name_the_same_option(here: Path) -> None:
     write(here, local="[transfer.zero]\nkeep-q = true\n")
     assert nested()["transfer"] == {"zero": {"keep_q": True}, "ucoi": {}}

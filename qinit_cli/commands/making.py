@@ -253,7 +253,7 @@ def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
         from qinit_cli import cluster
         from qinit_cli.environments.modules import travelling
 
-        return cluster.crew(work.dask, travelling(plan.learn), watch, plan.schema.task_bytes)
+        return cluster.crew(work.dask, travelling(plan.learn), watch, plan.schema)
     from qinit_cli.workforce import threads_here
 
     return threads_here(work.threads, plan.learn, watch)
