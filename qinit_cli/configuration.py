@@ -20,7 +20,7 @@ from typing import Any
 from qinit_cli.errors import UsageError
 
 LOCAL = Path("qinit.toml")
-OWN = frozenset(
+OWN = frozenset({"dask"})  # what connects to those who could run code here: never from LOCAL
     {"dask", "import", "wrap"}
 )  # what runs code, or connects to those who could: never from LOCAL
 PREFIX = "QINIT_"
