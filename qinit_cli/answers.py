@@ -107,6 +107,8 @@ def _rows(content: memoryview, count: int, schema: Schema) -> dict[str, Any]:
         raw = content[begin : begin + sizes[column.name]]
         rows[column.name] = np.frombuffer(raw, column.little_endian).reshape(shapes[column.name])
         begin += sizes[column.name]
+    if fault := schema.fault(rows):
+        raise Unfit(f"it answered that {fault}")
     return rows
 
 

@@ -21,8 +21,6 @@ from qinit_cli.errors import UsageError
 
 LOCAL = Path("qinit.toml")
 OWN = frozenset({"dask"})  # what connects to those who could run code here: never from LOCAL
-    {"dask", "import", "wrap"}
-)  # what runs code, or connects to those who could: never from LOCAL
 PREFIX = "QINIT_"
 
 Command = tuple[str, ...]  # ("train-sources", "gridworld")

@@ -266,7 +266,7 @@ SCHEMA = Schema(
     (Axis("row", np.arange(2)),),
     (
         Column("q", (TASK, "row"), "f8"),
-        Column("steps", (TASK,), "i8"),
+        Column("steps", (TASK,), "i8", low=0),
         Column("seconds", (TASK,), "f8"),
         Column("task_digest", (TASK,), "u1"),
     ),
@@ -381,6 +381,13 @@ def _packed(ids: Any, *failures: tuple[int, Exception]) -> bytes:
     return packed(cluster.Outcome(*_learned(np.asarray(ids, np.int64), Watch()), failures), SCHEMA)
 
 
+def _changed(ids: Any, **values: float) -> bytes:
+    """An answer that no worker of ours would pack."""
+    _, rows = _learned(ids, Watch())
+    content = [np.full_like(array, values.get(name, 0)).tobytes() for name, array in rows.items()]
+    return _said({"ids": ids.tolist(), "failures": []}, b"".join(content))
+
+
 def _said(said: object, content: bytes = b"") -> bytes:
     raw = said if isinstance(said, bytes) else json.dumps(said).encode()
     return b"qinit/1\n" + len(raw).to_bytes(8, "little") + raw + content
@@ -430,6 +437,11 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no ids": (lambda batch: _said({"failures": []}), "ids that are no numbers"),
     "true as an id": (lambda batch: _said({"ids": [True], "failures": []}), "ids that are no numbers"),
     "odd failures": (lambda batch: _said({"ids": [], "failures": [[0]]}), "a failure without a task"),
+    "NaN": (lambda batch: _changed(batch, q=np.nan), "it answered that q is nan; it must be a finite number"),
+    "steps below none": (
+        lambda batch: _changed(batch, steps=-1),
+        "it answered that steps is -1; it must be at least 0",
+    ),
     "rows of nothing": (
         lambda batch: _said({"ids": [], "failures": [[int(task), ""] for task in batch]}, b"0"),
         "1 bytes for no task",
