@@ -158,7 +158,7 @@ def _within(seconds: float, call: Callable[[], Result]) -> Result:
 def threads(place: str) -> int:
     """How many threads the cluster has now."""
     with connected(place) as client:
-        return _threads(client)
+        return max(1, _threads(client))
 
 
 @cache
@@ -279,8 +279,8 @@ class Cluster(Executor):
     def _recount(self) -> None:
         time.sleep(LOOK_SECONDS)
         if self._client.status == "running":
-            with suppress(OSError):
-                self._count = _threads(self._client)
+            with suppress(OSError, RuntimeError):  # the client may be closed meanwhile
+                self._count = _threads(self._client) or self._count
 
     def _look(self) -> None:
         """Once stopped, tells the workers, and gives up on what takes too long."""
@@ -487,4 +487,5 @@ def _release(python: str) -> str:
 
 
 def _threads(client: Client) -> int:
-    return int(client.scheduler_info(n_workers=0)["total_threads"])
+    """How many the cluster has now; 0 where the scheduler does not say."""
+    return int(client.scheduler_info(n_workers=0).get("total_threads", 0))
