@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli import settings
 from qinit_cli.environments import Family
-from qinit_cli.stages.sources import curve_bins
+from qinit_cli.learning import curve_bins
 
 if TYPE_CHECKING:
     from qinit_store.reading import Artefact, Description

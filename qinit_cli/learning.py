@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from qinit_cli.fields import is_of
 
+CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
 Start = Literal["anywhere", "fixed"]
 
@@ -41,6 +42,11 @@ class Learning:
             )
         if self.start not in get_args(Start):
             raise ValueError(f"start is {self.start!r}; it is one of {', '.join(get_args(Start))}")
+
+
+def curve_bins(learner: str, learning: Learning) -> int:
+    """Bins of a source's learning curve; 0 for the exact learner, which has none."""
+    return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
 
 
 def _check(name: str, value: float, fits: bool, wanted: str) -> None:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.environments.family import Family, draw_tasks
-from qinit_cli.learning import Learning
+from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.seeding import Stream, sequence
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 Learner = Literal["q-learning", "exact"]
 Role = Literal["source", "target"]
 Rows = dict[str, Any]  # column name: array with a leading task axis
-
-CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 
 
 @dataclass(frozen=True)
@@ -59,11 +57,6 @@ class SourceTasks:
     def bins(self) -> int:
         """Bins of the learning curve."""
         return curve_bins(self.learner, self.learning)
-
-
-def curve_bins(learner: str, learning: Learning) -> int:
-    """Bins of a source's learning curve; 0 for the exact learner, which has none."""
-    return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
 
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
