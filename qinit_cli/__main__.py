@@ -12,8 +12,10 @@ def main() -> None:
     from qinit_cli import signals
 
     signals.install()
+    from qinit_cli import streams
     from qinit_cli.errors import Interrupted
 
+    streams.prepare()
     try:
         from qinit_cli.app import run
 

@@ -136,6 +136,9 @@ def root(
 
 def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit code; every error is one sentence on stderr."""
+    os.environ.pop(
+        "SOURCE_DATE_EPOCH", None
+    )  # dates nothing of ours; matplotlib and f2py fail on what is no time
     try:
         command = typer.main.get_command(app)
         code = command.main(

@@ -1,9 +1,10 @@
 """Settings from files: ./qinit.toml, then the user's own; beneath options and QINIT_* variables, above the defaults.
 
 A key is an option's name without its dashes. At the top of the file it holds for every command that has the option, in a table
-such as [transfer] or [train-sources.gridworld] for that command and those below it.
+such as [transfer] or [train-sources.gridworld] for that command and those below it. A ~ at the beginning of a value is the home
+folder. The file is UTF-8.
 
-    store = "experiments"
+    store = "~/experiments"
     [train-sources.gridworld]
     variance = 3
 """
@@ -40,13 +41,14 @@ class Setting:
 def files() -> list[Path]:
     """The configuration files that exist, the user's first: a later one wins."""
     user = _user_file()
-    found = [path for path in (user, LOCAL) if path.is_file()]
-    return [user] if len(found) > 1 and user.samefile(LOCAL) else found
+    found = [path for path in (user, LOCAL) if path is not None and path.is_file()]
+    return [user] if user is not None and len(found) > 1 and user.samefile(LOCAL) else found
 
 
-def _user_file() -> Path:
-    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(base) / "qinit" / "qinit.toml"
+def _user_file() -> Path | None:
+    """None where the user has no home."""
+    base = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
+    return None if base.startswith("~") else Path(base, "qinit", "qinit.toml")
 
 
 def settings(commands: Commands) -> list[Setting]:
@@ -90,8 +92,11 @@ def _read(path: Path) -> Iterator[Setting]:
     import tomllib
 
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
+        content = tomllib.loads(
+            path.read_bytes().decode("utf-8-sig")
+        )  # some editors begin a file with a mark
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path} is not UTF-8 (byte {error.start}); save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{path} is no TOML: {error}") from error
     yield from _settings(content, (), path)
@@ -102,7 +107,12 @@ def _settings(content: Mapping[str, Any], table: Command, path: Path) -> Iterato
         if isinstance(value, Mapping):
             yield from _settings(value, (*table, key), path)
         else:
-            yield Setting(table, key.replace("-", "_"), value, path)
+            yield Setting(table, key.replace("-", "_"), _at_home(value), path)
+
+
+def _at_home(value: Any) -> Any:
+    """The value, with a ~ at its beginning replaced by the home folder, as a shell does on the command line."""
+    return os.path.expanduser(value) if isinstance(value, str) else value
 
 
 def _check(setting: Setting, commands: Commands) -> None:
@@ -130,7 +140,8 @@ def _refuse_foreign(setting: Setting) -> None:
         name = setting.name.replace("_", "-")
         raise UsageError(
             f"./{LOCAL}: {name} could run the code of others here, so no folder's file sets it; remove it, and give "
-            f"--{name}, {PREFIX}{setting.name.upper()} or set it in the user's own file, {_user_file()}"
+            f"--{name}, {PREFIX}{setting.name.upper()} or set it in the user's own file, "
+            f"{_user_file() or '~/.config/qinit/qinit.toml'}"
         )
 
 

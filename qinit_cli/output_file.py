@@ -15,12 +15,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from qinit_cli.errors import NotAllowed
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_store.disk import Disk
 from qinit_store.errors import SystemFailed
+from qinit_store.wording import printable
 
 NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 PROCESSES = Path("/proc")  # whose links, such as /dev/stdout, lead to what a process has open
+
+
+def check_one_line(path: Path) -> None:
+    """UsageError for a path with line breaks: the next command reads one path a line."""
+    if set("\n\r") & set(str(path)):
+        raise UsageError(
+            f"{printable(path)} has a line break in it, and paths are printed one a line; choose another name"
+        )
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,11 @@ class OutputFile:
     )
 
     def check(self) -> None:
-        """NotAllowed where what stands there is not to be replaced, as far as that is known before anything is made."""
+        """NotAllowed where what stands there is not to be replaced, as far as that is known before anything is made.
+
+        UsageError for a name that `check_one_line` refuses.
+        """
+        check_one_line(self.path)
         if not os.path.lexists(self.path):
             return
         if (self.path.exists() and not self.path.is_file()) or _leads_to_a_process(self.path):

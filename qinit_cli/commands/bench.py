@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+from qinit_cli import cores
 from qinit_cli.commands.build import Group, add_command
 from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Tabular
 from qinit_cli.commands.messages import note
@@ -131,7 +132,7 @@ def _machine() -> dict[str, Any]:
     return {
         "platform": platform.platform(),
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": cores.usable(),
         "load": os.getloadavg()[0],
         "python": platform.python_version(),
         "numpy": numpy.__version__,

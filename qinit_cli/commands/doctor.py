@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from qinit_cli import __version__
+from qinit_cli import __version__, cores
 from qinit_cli.commands.build import add_command
 from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_store.errors import SystemFailed
@@ -38,7 +38,7 @@ def doctor(reading: Reading, tabular: Tabular, display: Display) -> None:
         ("HDF5", _hdf5),
         ("numba", _compiler),
         ("kernels' folder", _kernels),
-        ("cores", lambda: f"{len(os.sched_getaffinity(0))} usable of {os.cpu_count()}"),
+        ("cores", lambda: f"{cores.usable()} usable of {os.cpu_count()}"),
         ("plug-ins", _plug_ins),
         ("store", lambda: _store(Path(reading.store))),
         ("file system", lambda: _file_system(Path(reading.store))),

@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from qinit_cli import cores
 from qinit_cli.commands.build import Group
 from qinit_cli.fields import check, option
 
@@ -91,8 +92,8 @@ class Work:
 
     @property
     def threads(self) -> int:
-        """Worker threads: as asked, else the cores this process may use."""
-        return self.jobs or len(os.sched_getaffinity(0))
+        """Worker threads: as asked, else the cores that this process may use."""
+        return self.jobs or cores.usable()
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from qinit_cli import __version__, signals
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import Progress, compiling, detail, note, print_path
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
+from qinit_cli.output_file import check_one_line
 from qinit_cli.registry import PLUG_IN
 from qinit_store.wording import shell_line
 
@@ -135,8 +136,10 @@ def target_path(output: Output, kind: str, stem: str, spec: Mapping[str, Any]) -
     if output.output is None:
         from qinit_store.catalog import Store
 
+        check_one_line(Path(output.store))
         return Store(Path(output.store)).path_for(kind, stem[:LONGEST_STEM].rstrip("-._"), spec)
     path = Path(output.output)
+    check_one_line(path)
     if path.suffix != ".h5":
         raise UsageError(f"-o {output.output}: an artefact's name ends in .h5")
     return path

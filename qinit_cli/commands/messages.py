@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display
+from qinit_cli.streams import in_encoding_of
 from qinit_cli.wrapping import columns, wrapped
 from qinit_store.wording import printable
 
@@ -88,7 +89,7 @@ def detail(display: Display, text: str) -> None:
 
 def print_path(path: Path) -> None:
     """The path alone on a line of stdout: as it is for the next stage, on a terminal without what that would obey."""
-    print(printable(path) if sys.stdout.isatty() else path, flush=True)
+    print(printable(path) if sys.stdout.isatty() else in_encoding_of(sys.stdout, str(path)), flush=True)
 
 
 class Progress:

@@ -79,8 +79,7 @@ def _refuse_other_file(name: str) -> None:
 
 
 def _from_stdin() -> list[str]:
-    lines = [line.strip() for line in sys.stdin]
-    named = [line for line in lines if line]
+    named = [line.removesuffix("\n").removesuffix("\r") for line in sys.stdin if line.strip()]
     if not named:
         raise NotAllowed("nothing came on stdin: the stage before produced nothing")
     return named

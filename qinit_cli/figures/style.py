@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +73,34 @@ def plain_numbers(axis: Any) -> None:
 
 
 @contextmanager
+def _elsewhere(folder: Path) -> Iterator[None]:
+    """Within the block this folder is the current one, and no variable names a backend or settings."""
+    kept = {name: os.environ.pop(name) for name in ("MPLBACKEND", "MATPLOTLIBRC") if name in os.environ}
+    # a name would not lead back to a folder that was deleted; O_PATH, since not every current folder is ours to read
+    here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY)
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
+        os.environ.update(kept)
+
+
+def _import_matplotlib() -> None:
+    """Imports matplotlib with its own settings: a user's that are wrong would end the import, and none is used anyway.
+
+    It looks for them in the current folder before it looks where MATPLOTLIBRC says.
+    """
+    found = find_spec("matplotlib")
+    if "matplotlib" in sys.modules or found is None or found.origin is None:
+        return
+    settings = Path(found.origin).parent / "mpl-data"
+    with _elsewhere(settings):
+        import_module("matplotlib")
+
+
+@contextmanager
 def house_style() -> Iterator[None]:
     """Draws within the block as every picture is drawn, whatever the user's own settings of matplotlib."""
     import matplotlib
@@ -88,3 +120,6 @@ def checked_path(output: str) -> Path:
     if path.is_dir():
         raise UsageError(f"{output}: that is a folder; name a picture in it")
     return path
+
+
+_import_matplotlib()  # before any module of this package does

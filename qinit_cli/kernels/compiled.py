@@ -257,6 +257,9 @@ def _others(module: str) -> list[Path]:
 
 
 def _base() -> Path:
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(chosen).expanduser() / "qinit"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "qinit"
+    if chosen := os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME"):
+        return Path(os.path.expanduser(chosen), "qinit")
+    home = os.path.expanduser("~")
+    if home == "~":
+        raise Untrusted("this user has no home folder to keep them in; set HOME")
+    return Path(home, ".cache", "qinit")

@@ -23,7 +23,7 @@ def read_json(text: str) -> Any:
     """What a JSON text of a file holds.
 
     ValueError for what `canonical_json` never writes: NaN, infinities, whole numbers beyond 128 bits, a key that stands twice,
-    text that is no Unicode, or nesting beyond DEEPEST.
+    text that is no Unicode (names of files may be none), or nesting beyond DEEPEST.
     """
     try:
         value = json.loads(
@@ -37,7 +37,8 @@ def read_json(text: str) -> Any:
         raise ValueError("it is nested too deeply") from None
     if _depth(value) > DEEPEST:
         raise ValueError("it is nested too deeply")
-    json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError for half of a surrogate pair
+    # half of a surrogate pair is a UnicodeEncodeError, but for those that stand for bytes in names of files
+    json.dumps(value, ensure_ascii=False).encode("utf-8", "surrogateescape")
     return value
 
 
