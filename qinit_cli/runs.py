@@ -65,6 +65,7 @@ class Run:
         drawn = tuple(values[:count] for values in self.drawn)
         return replace(
             self,
+            spec={**self.spec, "tasks": count},
             steps=self.steps[:count],
             reached=self.reached[:count],
             attainable=None if self.attainable is None else self.attainable[:count],
