@@ -64,6 +64,7 @@ def _run(
         v_star=None,
         evaluation_steps=None,
         evaluation_reached=None,
+        drawn=(),
         target_digest=targets + json.dumps([spec["family"], seed, tasks, how.gamma]),
     )
 
@@ -140,6 +141,13 @@ def test_a_method_that_reads_no_sources_is_not_told_apart_by_them() -> None:
         [_run("zero"), _run("zero", sources=exact), _run(), _run(sources=exact)], "", "return"
     )
     assert [row.label for row in comparison.rows] == ["zero", "mean, q-learning", "mean, exact"]
+
+
+def test_the_first_targets_of_a_longer_run_are_not_told_by_how_many_it_had() -> None:
+    short = _run("zero", tasks=2)
+    cut = replace(_run(tasks=4).first(2), target_digest=short.target_digest)
+    [comparison] = compare([short, cut], "", "return")
+    assert [row.label for row in comparison.rows] == ["zero", "mean"]
 
 
 def test_replicates_are_one_row_whatever_their_seeds() -> None:
