@@ -41,6 +41,17 @@ def open_doubtful(path: Path) -> Artefact:
     return _fitting(reading.open_doubtful(path))
 
 
+def describe(path: Path) -> Description:
+    """What the artefact at `path` says of itself, its content not looked into; Damaged where its settings cannot be."""
+    from qinit_store import reading
+    from qinit_store.errors import Damaged
+
+    found = described(reading.describe(path))
+    if found.problem:
+        raise Damaged(found.problem)
+    return found
+
+
 def described(entry: Description) -> Description:
     """The entry of a list with settings that can be, else with none: "damaged", if a command of ours seems to have made it."""
     if not entry.spec:

@@ -171,6 +171,19 @@ def test_settings_that_cannot_be_are_refused_in_one_sentence(
         assert (ended.code, ended.out, ended.err.count("\n")) == (6, "", 1)
 
 
+def test_settings_of_a_run_are_checked_before_they_name_it(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    path = settle(
+        pipeline.runs["mean"],
+        tmp_path / "forged.h5",
+        lambda spec: spec["source_set"]["family"].update(size="x"),
+    )
+    for command in (("plot", "lifetime", path, "-o", "x.png"), ("compare", path), ("show", path)):
+        ended = here(*command)
+        assert (ended.code, "--size is 'x'" in ended.err) == (6, True)
+
+
 @pytest.mark.parametrize(
     ("name", "raw"),
     [

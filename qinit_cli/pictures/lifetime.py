@@ -27,10 +27,10 @@ def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, widt
 
     What it was as fitted is that of the fit that the run names, in the store or beside it; a note says where that is missing.
     """
+    from qinit_cli.artefacts import describe
     from qinit_cli.figures import lifetime as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from qinit_store.reading import describe
 
     if len(paths) > MOST:
         raise UsageError(f"{len(paths)} runs do not fit; draw at most {MOST}")
