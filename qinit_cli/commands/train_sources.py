@@ -196,6 +196,7 @@ def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
             least=found.least,
             largest=found.largest,
             steps=tally.steps / learned if learned else 0.0,
+            anywhere=not tasks.family.refusal(replace(tasks.learning, start="anywhere")),
             error=math.nan if median is None else median,
         ),
     )

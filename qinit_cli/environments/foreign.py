@@ -13,14 +13,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from qinit_cli.errors import NotAllowed, QinitError
+from qinit_cli.errors import Interrupted, NotAllowed, QinitError
 
 STDOUT, STDERR = 1, 2
 LONGEST = 300  # characters of somebody else's message
 
 
-class OutOfSpace(ValueError):
-    """An environment observed what is not in the space that it says it observes."""
+class Improper(ValueError):
+    """An environment gave what cannot be learned from: an observation outside its space, a reward that is not a number."""
 
 
 @contextmanager
@@ -39,17 +39,22 @@ def calling(name: str, call: str) -> Iterator[None]:
     with aside():
         try:
             yield
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             raise fault(name, call, error) from error
 
 
 def fault(name: str, call: str, error: BaseException) -> BaseException:
     """The sentence for what a call of somebody's environment raised; what is ours, or says that memory is full, as it is."""
-    if isinstance(error, QinitError | MemoryError):
+    if ends_our_work(error) or isinstance(error, MemoryError):
         return error
-    if isinstance(error, OutOfSpace):
+    if isinstance(error, Improper):
         return NotAllowed(f"{error} ({call} of {name})")
     return NotAllowed(f"{call} of {name} raised {told(error)}; that is a fault of the environment")
+
+
+def ends_our_work(error: BaseException) -> bool:
+    """Whether it is an error or an interruption of ours; all else, panics of compiled code among it, somebody else has raised."""
+    return isinstance(error, QinitError | Interrupted | KeyboardInterrupt | GeneratorExit)
 
 
 def told(error: BaseException) -> str:

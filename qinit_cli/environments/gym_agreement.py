@@ -149,7 +149,7 @@ def _step(env_id: str, env: Any, action: int, states: int) -> tuple[Outcome, boo
     try:
         observed, reward, terminated, truncated, _ = env.step(action)
         return (numbered(observed, 0, states), bool(terminated), float(reward)), bool(truncated)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise fault(env_id, f"step({action})", error) from error
 
 

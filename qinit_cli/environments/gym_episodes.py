@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from qinit_cli.environments.foreign import OutOfSpace, aside, fault
+from qinit_cli.environments.foreign import Improper, aside, fault
 from qinit_cli.environments.gym_making import Settings, close, has_table, opened
 from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
 
 TRIED_STEPS = 100  # of the episodes that are played twice: some milliseconds of a task
+TRIED_RESETS = 20  # beyond them: where an episode starts may be all the chance there is
 KEPT = 65_536  # tasks of which it is remembered that they can be played again
 
 
@@ -38,7 +40,7 @@ class Episodes:
             observation, reward, terminated, truncated, _ = self._env.step(action)
             self._time += 1
             if terminated:
-                return GOAL if self._reached(float(reward)) else LOST
+                return GOAL if self._reached(reward) else LOST
             if self._survival and self._time == self._horizon:
                 return GOAL
             if not truncated:
@@ -49,7 +51,7 @@ class Episodes:
                     f"{self._horizon} the goal; give --horizon {self._time}"
                 )
             return CUT - self._seen(observation)
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             raise fault(self._id, f"step({action})", error) from error
 
     def close(self) -> None:
@@ -95,19 +97,19 @@ def reset_state(env_id: str, env: Any, seed: int, seen: Callable[[Any], int]) ->
     try:
         observation, _ = env.reset(seed=seed)
         return seen(observation)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise fault(env_id, f"reset(seed={seed})", error) from error
 
 
 def numbered(observation: Any, first: int, states: int) -> int:
-    """The row of the table that a numbered observation has; OutOfSpace where it is none of them."""
+    """The row of the table that a numbered observation has; Improper where it is none of them."""
     try:
         number = operator.index(observation) - first
     except TypeError:
         number = -1
     if not 0 <= number < states:  # the compiled loop would write beyond its table
-        raise OutOfSpace(
-            f"the environment observed {observation}, which is none of the {states} states that it says it has"
+        raise Improper(
+            f"the environment observed {observation!r:.80}, which is none of the {states} states that it says it has"
         )
     return number
 
@@ -116,8 +118,9 @@ def numbered(observation: Any, first: int, states: int) -> int:
 def shortest_cut(env_id: str, settings: Settings) -> int:
     """Steps after which the environment was first seen to cut an episode off, 0: never, where it is the same made twice.
 
-    It is made twice, and both play the same episodes step by step in turn, so that chance they share shows too. NotAllowed
-    where their tables, numbers, observations, rewards or ends differ: no seed could bring such a task back.
+    It is made twice, and both play the same episodes step by step in turn, so that chance they share shows too; then the first
+    one once more. NotAllowed where their tables, numbers, observations, rewards or ends differ: no seed could bring such a
+    task back.
     """
     import numpy as np
 
@@ -128,14 +131,17 @@ def shortest_cut(env_id: str, settings: Settings) -> int:
         begins = True
         for action in actions.tolist():
             if begins:
-                both.give(f"reset(seed={seed})", _reset, seed)
+                both.begin(seed)
                 both.expect_alike()
                 seed, time = seed + 1, 0
-            _, _, terminated, truncated = both.give(f"step({action})", _step, action)
+            _, terminated, truncated, _ = both.give(f"step({action})", _step, action)
             time += 1
             begins = bool(terminated or truncated)
             if truncated and not terminated:
                 cut = min(cut or time, time)
+        for later in range(seed, seed + TRIED_RESETS):
+            both.begin(later)
+        both.expect_again()
         return cut
 
 
@@ -147,15 +153,26 @@ class _Both:
     settings: Settings
     one: Any
     other: Any
+    begun: list[int] = field(default_factory=list)  # the seeds of the episodes
+    first: list[tuple[str, Callable[[Any, int], Any], int, Any]] = field(
+        default_factory=list
+    )  # episode's calls
+
+    def begin(self, seed: int) -> Any:
+        """What a reset gives in both."""
+        self.begun.append(seed)
+        return self.give(f"reset(seed={seed})", _reset, seed)
 
     def give(self, call: str, does: Callable[[Any, int], Any], value: int) -> Any:
         """What a call gives in both; NotAllowed where that differs."""
         try:
             mine, theirs = does(self.one, value), does(self.other, value)
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             raise fault(self.env_id, call, error) from error
         if not _same(mine, theirs):
             raise self._unlike(f"what {call} gives")
+        if len(self.begun) == 1:  # copied, because some environments give the same array again and again
+            self.first.append((call, does, value, copy.deepcopy(mine)))
         return mine
 
     def expect_alike(self) -> None:
@@ -169,6 +186,14 @@ class _Both:
             if _is_number(value) and not _same(value, getattr(theirs, name, None)):
                 raise self._unlike(f"its {name}")
 
+    def expect_again(self) -> None:
+        """NotAllowed where the first episode is another one after others; its rewards may be, as no state depends on them."""
+        self.begun.append(self.begun[0])
+        for call, does, value, (*gave, _) in self.first:
+            *gives, _ = self.give(call, does, value)
+            if not _same(gives, gave):
+                raise self._unlike(f"after other episodes, what {call} gives")
+
     def _unlike(self, difference: str) -> NotAllowed:
         return NotAllowed(
             f"{self.env_id} with {self.settings.told} is not the same when it is made and played twice: {difference} "
@@ -176,14 +201,16 @@ class _Both:
         )
 
 
-def _reset(env: Any, seed: int) -> Any:
+def _reset(env: Any, seed: int) -> tuple[Any, None]:
+    """What is observed, and no reward."""
     observation, _ = env.reset(seed=seed)
-    return observation
+    return observation, None
 
 
-def _step(env: Any, action: int) -> Any:
+def _step(env: Any, action: int) -> tuple[Any, Any, Any, Any]:
+    """What is observed, whether the episode has ended or is cut off, and the reward."""
     observation, reward, terminated, truncated, _ = env.step(action)
-    return observation, reward, terminated, truncated
+    return observation, terminated, truncated, reward
 
 
 def _is_number(value: Any) -> bool:

@@ -120,7 +120,7 @@ def _played(env_id: str, settings: Settings, goal: str) -> Any:
                     seed += 1
                 call = f"step({action})"
                 observed, reward, terminated, truncated, _ = env.step(action)
-            except (Exception, SystemExit) as error:
+            except BaseException as error:
                 raise fault(env_id, call, error) from error
             shown.append(repr((np.asarray(observed).tolist(), float(reward), terminated, truncated)))
             begins = bool(terminated or truncated)

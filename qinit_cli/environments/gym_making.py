@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from qinit_cli.environments.foreign import aside, calling, told
+from qinit_cli.environments.foreign import aside, calling, ends_our_work, told
 from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind, takes_others
 from qinit_cli.environments.modules import registered_id
 from qinit_cli.errors import UsageError
@@ -76,14 +76,14 @@ def made(env_id: str, settings: Settings) -> Any:
     with aside():
         try:
             env, known, left = _constructed(env_id, bare, settings)
-        except UsageError:
-            raise
         except gymnasium.error.UnregisteredEnv as error:
             hint = "" if ":" in env_id else f" (one of your own is named as MODULE:{env_id})"
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}{hint}") from error
         except gymnasium.error.Error as error:
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}") from error
-        except (Exception, SystemExit) as error:  # of any kind: the environment is somebody else's
+        except BaseException as error:  # of any kind: the environment is somebody else's
+            if ends_our_work(error):
+                raise
             raise UsageError(f"gymnasium cannot make {env_id}: {told(error)}") from error
         try:
             for name, value in left.items():
@@ -197,6 +197,8 @@ def _no_such(env: Any, env_id: str, name: str, known: Iterable[str], there: dict
     )
     if isinstance(getattr(type(env.unwrapped), name, None), property):
         return f"{name} of {env_id} is computed and cannot be set: {takes}"
+    if hasattr(env.unwrapped, name):
+        return f"{name} of {env_id} is no number, and of its attributes only numbers can be set: {takes}"
     for each in wrappers(env):
         if name in vars(each):
             return (

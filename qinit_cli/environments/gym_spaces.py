@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments.foreign import OutOfSpace
+from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_episodes import numbered, reset_state, shortest_cut
 from qinit_cli.environments.gym_making import Settings, has_table, opened, time_limit
 from qinit_cli.environments.gym_tables import read
@@ -42,14 +42,14 @@ class Seen:
         return math.prod(self.shape)
 
     def state(self, observation: Any) -> int:
-        """The table's state that an observation is in; beyond the bins, in the last; OutOfSpace where there is none."""
+        """The table's state that an observation is in; beyond the bins, in the last; Improper where there is none."""
         if not self.lows:
             return numbered(observation, self.first, self.states)
         state = 0
         sides = zip(_row(observation, len(self.lows)), self.lows, self.highs, self.shape, strict=True)
         for dimension, (value, low, high, bins) in enumerate(sides):
             if not isfinite(value):
-                raise OutOfSpace(
+                raise Improper(
                     f"the environment observed {value} in dimension {dimension}, which is in no bin; its "
                     "observations must be finite"
                 )
@@ -59,12 +59,13 @@ class Seen:
 
 
 def _row(observation: Any, length: int) -> list[float]:
-    try:
-        row = [float(value) for value in observation]
+    kind = getattr(getattr(observation, "dtype", None), "kind", "O")
+    try:  # float() would take text, and the real part of complex numbers
+        row = [float(value) for value in observation] if kind in "biufO" else []
     except (TypeError, ValueError):
         row = []
     if len(row) != length:
-        raise OutOfSpace(f"the environment observed {observation!r:.80}, which is no row of {length} numbers")
+        raise Improper(f"the environment observed {observation!r:.80}, which is no row of {length} numbers")
     return row
 
 
@@ -91,8 +92,12 @@ def _spaces(env_id: str, env: Any, bins: str, ranges: tuple[str, ...]) -> Seen:
 
     kinds = env.observation_space, env.action_space
     observed, acted = (type(space).__name__ for space in kinds)
-    if acted != "Discrete" or int(env.action_space.start) != 0:
+    if acted != "Discrete":
         raise UsageError(f"{env_id} has actions of the kind {acted}; numbered ones (Discrete) are needed")
+    if (first_action := int(env.action_space.start)) != 0:
+        raise UsageError(
+            f"{env_id} numbers its actions from {first_action}; actions numbered from 0 are needed"
+        )
     if observed == "Discrete" and (bins or ranges):
         raise UsageError(f"{env_id} numbers its states; leave out --bins and --range")
     lows: tuple[float, ...] = ()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_making import Settings, opened
 from qinit_cli.environments.gym_transitions import Transitions, transitions
 from qinit_cli.errors import NotAllowed, UsageError
@@ -39,8 +41,11 @@ class Table:
     lost: frozenset[End]  # ... and those that are not
 
 
-def verdict(goal: str) -> Callable[[float], bool]:
-    """Whether an episode that the environment ends with such a reward has reached the goal; UsageError for no rule."""
+def verdict(goal: str) -> Callable[[Any], bool]:
+    """Whether an episode that the environment ends with such a reward has reached the goal; UsageError for no rule.
+
+    What is given back raises Improper for a reward that is not a number, where the rule asks for it.
+    """
     if goal == TERMINATED:
         return lambda reward: True
     if goal == SURVIVED:
@@ -50,7 +55,15 @@ def verdict(goal: str) -> Callable[[float], bool]:
         raise UsageError(f"--goal {goal}: it is terminated, survived, or a rule such as reward>0")
     limit = float(rule[2])
     compare = {">": float.__gt__, ">=": float.__ge__, "<": float.__lt__, "<=": float.__le__}[rule[1]]
-    return lambda reward: compare(float(reward), limit)
+
+    def reached(reward: Any) -> bool:
+        if math.isnan(number := float(reward)):
+            raise Improper(
+                "the environment ended an episode with the reward nan, which no rule on the reward can judge"
+            )
+        return compare(number, limit)
+
+    return reached
 
 
 @lru_cache(KEPT)

@@ -18,7 +18,7 @@ from qinit_cli.errors import NotAllowed
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
 
-ROUNDING = 1e-9  # of chances that were added up or divided
+ROUNDING = 1e-6  # of chances that were added up or divided, in single precision too
 ENTRIES = ("chance", "next state", "reward", "end")
 
 Way = tuple[
@@ -95,8 +95,8 @@ def _ways(where: str, outcomes: Any, states: int) -> list[Way]:
     # not (a and b): what is not a number fits no bound
     if not (min(chances) >= -ROUNDING and max(chances) <= 1 + ROUNDING and abs(sum(chances) - 1) <= ROUNDING):
         raise Faulty(
-            f"for {where} the outcomes have the chances {', '.join(f'{chance:g}' for chance in chances)}: they must be within "
-            "0 and 1, and sum to 1"
+            f"for {where} the outcomes have the chances {', '.join(f'{chance:g}' for chance in chances)}, {sum(chances):g} in "
+            "sum: they must be within 0 and 1, and sum to 1"
         )
     return [_way(where, outcome, states) for outcome in outcomes if outcome[0] > 0]
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments.foreign import aside, told
+from qinit_cli.environments.foreign import aside, ends_our_work, told
 from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -42,7 +42,9 @@ def import_named(names: Iterable[str]) -> None:
                     f"there is no module {name}; put the folder that holds it on PYTHONPATH"
                 ) from error
             raise UsageError(f"importing {name} raised {told(error)}") from error
-        except (Exception, SystemExit) as error:  # of any kind: the module is somebody else's
+        except BaseException as error:  # of any kind: the module is somebody else's
+            if ends_our_work(error):
+                raise
             raise UsageError(f"importing {name} raised {told(error)}") from error
         _NAMED[name] = None
         _MAKERS.update(dict.fromkeys(_registered() - before, name))
@@ -50,8 +52,10 @@ def import_named(names: Iterable[str]) -> None:
 
 def with_module(env_id: str) -> str:
     """The id as it was typed, its module imported; of an id without one MODULE:ID, if a named module has registered it."""
-    module, colon, _ = env_id.rpartition(":")
+    module, colon, bare = env_id.rpartition(":")
     if colon:
+        if not (MODULE.fullmatch(module) and bare):
+            raise UsageError(f"{env_id}: write a module's name and an id, such as my_environments:Walk-v0")
         import_named([module])
         return env_id
     maker = _MAKERS.get(env_id)

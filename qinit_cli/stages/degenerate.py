@@ -30,6 +30,7 @@ class SourcesLearned:
     least: float  # of the values above 0 of all of them; NaN where there are none
     largest: float
     steps: float  # of a task, in the mean; 0 where none was learned by steps
+    anywhere: bool = True  # whether their episodes may start anywhere
     error: float = math.nan  # median relative error against exact tables; NaN where it is not known
 
 
@@ -39,7 +40,7 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
     if not found.tasks:
         return
     if not found.positive:
-        yield f"{_nothing_met(exact, learning)}: all values are 0, and there is nothing to transfer"
+        yield f"{_nothing_met(exact, learning, found.anywhere)}: all values are 0, and there is nothing to transfer"
         return
     if found.positive < found.tasks:
         lost = found.tasks - found.positive
@@ -110,14 +111,13 @@ def of_targets(learning: Learning, found: TargetsLearned) -> Iterator[str]:
     yield from _of_step_size(learning, found.steps)
 
 
-def _nothing_met(exact: bool, learning: Learning) -> str:
+def _nothing_met(exact: bool, learning: Learning, anywhere: bool) -> str:
     if exact:
         return "no way leads to the goal in any task"
-    start = ", or --start anywhere" if learning.start == "fixed" else ""
-    return (
-        f"no source met the goal in {learning.episodes} episodes of --horizon {learning.horizon} (ask for more --episodes, "
-        f"a longer --horizon{start})"
-    )
+    more = "more --episodes or a longer --horizon"
+    if learning.start == "fixed" and anywhere:
+        more = "more --episodes, a longer --horizon, or --start anywhere"
+    return f"no source met the goal in {learning.episodes} episodes of --horizon {learning.horizon} (ask for {more})"
 
 
 def _of_values(gamma: float, least: float, largest: float) -> Iterator[str]:

@@ -186,7 +186,7 @@ def test_the_goal_must_be_an_end_and_be_told_where_there_is_no_table() -> None:
 
 @pytest.mark.parametrize(
     ("slip", "chances"),
-    [("uniform:1.5,1.5", "-0.25, 1.5, -0.25"), ("normal:-0.2,0", "0.6, -0.2, 0.6")],
+    [("uniform:1.5,1.5", "-0.25, 1.5, -0.25, 1 in sum"), ("normal:-0.2,0", "0.6, -0.2, 0.6, 1 in sum")],
 )
 def test_what_is_drawn_beyond_the_chances_there_are_is_refused(slip: str, chances: str) -> None:
     lake = Gym(env_id="FrozenLake-v1", vary=[f"success_rate={slip}"])
@@ -295,3 +295,48 @@ def test_a_number_however_large_is_in_the_last_bin() -> None:
     pole = POLE._seen
     assert pole.state([0.0, 1.7e308, 0.0, 0.0]) == pole.state([0.0, 2.0, 0.0, 0.0])
     assert pole.state([0.0, -1.7e308, 0.0, 0.0]) == pole.state([0.0, -2.0, 0.0, 0.0])
+
+
+class Given(gymnasium.Env):
+    """Observes and pays what it is told to, and ends at once."""
+
+    def __init__(
+        self, seen: Any = None, reward: float = 0.0, first_action: int = 0, box: bool = False
+    ) -> None:
+        self._seen, self._reward = seen, reward
+        self.observation_space = (
+            gymnasium.spaces.Box(0.0, 1.0, (1,)) if box else gymnasium.spaces.Discrete(3)  # type: ignore[assignment]  # either
+        )
+        self.action_space = gymnasium.spaces.Discrete(2, start=first_action)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        return np.array(self._seen) if isinstance(self._seen, list) else self._seen, {}
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        return self._seen, self._reward, True, False, {}
+
+
+@pytest.mark.parametrize(
+    ("settings", "code", "told"),
+    [
+        (["seen='1'"], 4, "the environment observed '1', which is none of the 3 states"),
+        (["seen=1.0"], 4, "the environment observed 1.0, which is none of the 3 states"),
+        (["seen=3"], 4, "the environment observed 3, which is none of the 3 states"),
+        (["seen=['0.5']", "box=True"], 4, "which is no row of 1 numbers"),
+        (["seen=[0.5j]", "box=True"], 4, "which is no row of 1 numbers"),
+        (["seen=0", "reward=nan"], 3, "the environment ended an episode with the reward nan, which no rule"),
+        (["first_action=1"], 2, "Given-v0 numbers its actions from 1; actions numbered from 0 are needed"),
+    ],
+)
+def test_what_an_environment_gives_that_cannot_be_learned_is_refused_in_a_sentence(
+    here: Callable[..., Any], settings: list[str], code: int, told: str
+) -> None:
+    gymnasium.register("Given-v0", entry_point=Given, disable_env_checker=True)
+    try:
+        words = [word for each in settings for word in ("--set", each)]
+        learn = ("train-sources", "gym", "Given-v0", "--goal", "reward>0", "--tasks", 1, "--episodes", 2)
+        ended = here(*learn, *words)
+    finally:
+        del gymnasium.registry["Given-v0"]
+    assert (ended.code, ended.out) == (code, "")
+    assert told in ended.err

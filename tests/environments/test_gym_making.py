@@ -120,6 +120,8 @@ def test_survival_beyond_an_environments_own_limit_is_refused(settings: dict[str
         ("ByPython-v0", "what step"),
         ("SeedsForAll-v0", "what step"),
         ("ByTheClock-v0", "what step"),
+        ("StartsByChance-v0", "what reset(seed="),
+        ("SeededOnce-v0", "after other episodes, what step"),
     ],
 )
 def test_chance_that_no_seed_reaches_is_refused(here: Callable[..., Any], name: str, difference: str) -> None:
@@ -136,6 +138,10 @@ def test_a_map_that_is_drawn_anew_whenever_it_is_made_is_refused_and_one_by_a_se
     with pytest.raises(NotAllowed, match=r"map_name=None is not the same .*: its table P differs"):
         shortest_cut("FrozenLake-v1", Settings([("map_name", None)]))
     assert shortest_cut("FrozenLake-v1", Settings([("map_name", "8x8")])) in range(101)
+
+
+def test_an_observation_that_is_the_same_array_every_time_is_no_chance() -> None:
+    assert shortest_cut("SameArray-v0", Settings([("limit", 8)])) == 8
 
 
 def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable[..., Any]) -> None:
@@ -170,6 +176,7 @@ def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable
         ("step", 4, "step(1) of Raises-v0 raised ValueError: the motor is broken"),
         ("close", 4, "close() of Raises-v0 raised ValueError: the motor is broken"),
         ("exit", 4, "step(1) of Raises-v0 raised SystemExit: 0"),
+        ("panic", 4, "step(1) of Raises-v0 raised Panic: the motor is broken"),
         (
             "tuple",
             4,
@@ -207,6 +214,11 @@ def test_numbers_of_the_class_are_set_on_the_environment_alone() -> None:
     [
         ("Walk-v0", "speed", "speed of Walk-v0 is computed and cannot be set"),
         ("Paired-v0", "width", "width belongs to Pairs, which stands around Paired-v0"),
+        (
+            "Walk-v0",
+            "counts",
+            "counts of Walk-v0 is no number, and of its attributes only numbers can be set",
+        ),
         (
             "Walk-v0",
             "wind",

@@ -110,11 +110,11 @@ STAYS = (1.0, 1, 0.0, False)
         (outcomes((float("inf"), 1, 0.0, False)), "the outcomes have the chances inf"),
         (
             outcomes((-0.5, 1, 0.0, False), (1.5, 1, 0.0, False)),
-            "the outcomes have the chances -0.5, 1.5: they must be within 0",
+            "the outcomes have the chances -0.5, 1.5, 1 in sum: they must be within 0",
         ),
         (
             outcomes((0.5, 1, 0.0, False)),
-            "the outcomes have the chances 0.5: they must be within 0 and 1, and sum to 1",
+            "the outcomes have the chances 0.5, 0.5 in sum: they must be within 0 and 1, and sum to 1",
         ),
         (outcomes(("1", 1, 0.0, False)), "an outcome of the chance '1', which is no number"),
         (outcomes((1.0, 1, float("nan"), False)), "has the reward nan, which is no finite number"),
@@ -170,6 +170,9 @@ def test_a_faulty_table_is_refused_with_the_state_and_the_action(
             P={np.int64(cell): tuple(row.values()) for cell, row in given["P"].items()}
         ),
         lambda given: given.update(start=np.array([1, 0, 0], np.float32)),
+        outcomes(
+            (np.float32(0.7), 2, 0.0, False), (np.float32(0.2), 1, 0.0, False), (np.float32(0.1), 1, 0, False)
+        ),
         outcomes((np.float32(0.5), np.int64(2), np.float64(0), np.bool_(False)), [0.5, 1, 0, 0]),
     ],
 )
@@ -343,7 +346,7 @@ def test_a_value_of_another_kind_than_the_argument_is_refused(
         ({"set": ["gravity=abc"]}, "gravity of CartPole-v1 is a number, such as 9.8, and 'abc' is none"),
         (
             {"vary": ["kinematics_integrator=normal:0,1"]},
-            "has no kinematics_integrator",
+            "kinematics_integrator of CartPole-v1 is no number",
         ),
         (
             {"vary": ["sutton_barto_reward=uniform:0,1"]},

@@ -125,6 +125,39 @@ class ByTheClock(Walk):
         return observation, time.perf_counter(), *rest
 
 
+class StartsByChance(Walk):
+    """Starts now and then where no seed has a say, in episodes longer than those that are tried."""
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.cell = int(np.random.random() < 0.5)  # noqa: NPY002, as people do
+        return self.cell, {}
+
+    def step(self, action: int) -> Any:
+        self.cell = 0
+        return super().step(0)
+
+
+class SeededOnce(Walk):
+    """Heeds the seed of its first reset alone."""
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        return super().reset(seed=None if hasattr(self, "cell") else seed)
+
+
+class SameArray(Positions):
+    """Observes the same array again and again, with other numbers in it."""
+
+    def observation(self, observation: int) -> Any:
+        self.row = getattr(self, "row", np.zeros(1, np.float32))
+        self.row[:] = super().observation(observation)
+        return self.row
+
+
+class Panic(BaseException):
+    """What environments in Rust raise."""
+
+
 class Raises(Walk):
     """Raises where it is told to."""
 
@@ -141,6 +174,8 @@ class Raises(Walk):
         self._raise("step")
         if self.where == "exit":
             raise SystemExit(0)
+        if self.where == "panic":
+            raise Panic("the motor\nis broken")
         return (0, 0.0, False, {}) if self.where == "tuple" else super().step(action)
 
     def close(self) -> None:
@@ -163,6 +198,9 @@ MAKERS: dict[str, Any] = {
     "ByPython-v0": ByPython,
     "SeedsForAll-v0": SeedsForAll,
     "ByTheClock-v0": ByTheClock,
+    "StartsByChance-v0": StartsByChance,
+    "SeededOnce-v0": SeededOnce,
+    "SameArray-v0": lambda **given: SameArray(Walk(**given)),
     "Raises-v0": Raises,
 }
 

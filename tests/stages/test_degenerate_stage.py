@@ -40,6 +40,12 @@ def test_nothing_is_said_of_what_was_learned() -> None:
     [
         ("q-learning", {}, {"positive": 0}, "no source met the goal in 100 episodes of --horizon 50"),
         ("q-learning", {}, {"positive": 0}, "or --start anywhere"),
+        (
+            "q-learning",
+            {},
+            {"positive": 0, "anywhere": False},
+            "ask for more --episodes or a longer --horizon",
+        ),
         ("exact", {}, {"positive": 0}, "no way leads to the goal in any task: all values are 0"),
         ("q-learning", {}, {"positive": 7}, "3 of 10 sources never met the goal"),
         (
