@@ -1,23 +1,33 @@
-"""Artefacts as commands open them: whatever is in the file, it fits the settings that it says it was made with.
+"""Artefacts as commands open them: what they hold fits the settings they were made with.
 
-The store vouches for the bytes. Whether they mean something is known here: the settings are checked by the dataclasses that
-make them, the axes by the family, and each number by the range that its column has, task parameters among them, before a kernel
-or a picture sees any of it.
+The store vouches for the bytes. Here the settings are checked by the dataclasses that make them, the axes by the family, and
+each number, task parameters included, by the range of its column, before a kernel or a picture sees any of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from qinit_cli import settings
-from qinit_cli.environments import Family
+from qinit_cli.environments import Family, family_of
+from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
-
-if TYPE_CHECKING:
-    from qinit_store.reading import Artefact, Description
-    from qinit_store.schema import Axis, Column
+from qinit_store import reading
+from qinit_store.fit_statistics import FitStatistics, fit_statistics
+from qinit_store.reading import Artefact, Description
+from qinit_store.schema import (
+    NO_MOMENTS,
+    Axis,
+    Column,
+    fit_schema,
+    run_schema,
+    sources_schema,
+    tuning_schema,
+)
 
 TABLE = {"sources": "q", "fit": "mu", "run": "start"}  # a table over states and actions that each kind has
 INDICES = ("bin", "library", "episode", "evaluation", "hypothesis", "candidate", "held_out", "byte")
@@ -25,19 +35,15 @@ COUNTED = {"n": ("mu", "sigma", "mean", "std", "min", "max"), "eopl_n": ("eopl_m
 
 
 def open_artefact(path: Path, kind: str | None = None) -> Artefact:
-    """The artefact at `path`; its content hash holds, and it is what its settings make.
+    """The artefact at `path`, whose content hash holds and whose settings allow what it holds.
 
-    NotFound, Refused where it is of another kind than `kind`, Damaged where it is not as it was written or could not be made.
+    NotFound; Refused if it is not of `kind`; Damaged if it is not as it was written, or holds what cannot be.
     """
-    from qinit_store import reading
-
     return _fitting(reading.open_artefact(path, kind))
 
 
 def open_doubtful(path: Path) -> Artefact:
-    """The same, though its content hash need not hold: for verify and salvage. Damaged where its settings cannot be."""
-    from qinit_store import reading
-
+    """The same whether or not its content hash holds, for verify and salvage; Damaged if its settings cannot be."""
     return _fitting(reading.open_doubtful(path))
 
 
@@ -53,7 +59,7 @@ def describe(path: Path) -> Description:
 
 
 def described(entry: Description) -> Description:
-    """The entry of a list with settings that can be, else with none: "damaged", if a command of ours seems to have made it."""
+    """The entry of a list, without its settings if they cannot be; it is then "damaged" if a command of ours made it."""
     if not entry.spec:
         return entry
     try:
@@ -67,10 +73,7 @@ def described(entry: Description) -> Description:
 
 
 def family_in(artefact: Artefact) -> Family:
-    """The family that its tables are over; NotAllowed where that is not installed, or has other states here."""
-    from qinit_cli.environments import family_of
-    from qinit_cli.errors import NotAllowed
-
+    """The family of its tasks; NotAllowed if that is not installed, or has other states here."""
     family = family_of(_drawn(artefact), artefact.provenance)
     wanted = (*family.shape, len(family.actions))
     column = next(one for one in artefact.schema.columns if one.name == TABLE[artefact.kind])
@@ -85,10 +88,6 @@ def family_in(artefact: Artefact) -> Family:
 
 def action_axis(family: Family) -> Axis:
     """The axis of the family's actions, labelled by their names."""
-    import numpy as np
-
-    from qinit_store.schema import Axis
-
     return Axis("action", np.array(family.actions, dtype="S"), "", "action")
 
 
@@ -103,7 +102,7 @@ def _fitting(artefact: Artefact) -> Artefact:
 
 
 def _ours(spec: dict[str, Any]) -> bool:
-    """Whether a command made it: what is put into a store by other programs has settings of its own."""
+    """Whether a command of ours made it: other programs that use the store write settings of their own."""
     return bool({"kind", "algorithm_version"} & spec.keys())
 
 
@@ -120,13 +119,13 @@ def _expect(artefact: Artefact) -> None:
 
 
 def _drawn(artefact: Artefact) -> dict[str, Any]:
-    """The settings that tell how its tasks were drawn: of a fit those of its sources."""
+    """The settings by which its tasks were drawn; of a fit, those of its sources."""
     drawn: dict[str, Any] = artefact.spec["sources"] if artefact.kind == "fit" else artefact.spec
     return drawn
 
 
 def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list[Column]]:
-    """The axes and columns that the settings make; what depends on an installed package is not looked into."""
+    """The axes and columns that the settings make, but for the axes of a family that depend on another package."""
     lengths = _lengths(artefact)
     for name, length in lengths.items():
         if (there := artefact.schema.sizes.get(name, 0)) != length:
@@ -146,7 +145,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
 
 
 def _lengths(artefact: Artefact) -> dict[str, int]:
-    """How long the settings make each index."""
+    """The length of each index, as the settings make it."""
     spec = artefact.spec
     match artefact.kind:
         case "sources":
@@ -164,7 +163,7 @@ def _lengths(artefact: Artefact) -> dict[str, int]:
 
 
 def _highest(artefact: Artefact) -> dict[str, float]:
-    """The largest values that these settings allow, by column, where they are what bounds it."""
+    """The largest value of each column that these settings bound."""
     spec, kind = artefact.spec, artefact.kind
     if kind == "fit":
         tasks = spec["sources"]["tasks"]
@@ -180,9 +179,6 @@ def _highest(artefact: Artefact) -> dict[str, float]:
 
 def _columns(artefact: Artefact) -> tuple[Column, ...]:
     """The columns that an artefact of this kind may have, over the file's own axes."""
-    from qinit_store.fit_statistics import FitStatistics, fit_statistics
-    from qinit_store.schema import NO_MOMENTS, fit_schema, run_schema, sources_schema, tuning_schema
-
     there = {column.name: column for column in artefact.schema.columns}
     sizes, axes = artefact.schema.sizes, {axis.name: axis for axis in artefact.schema.axes}
     if artefact.kind == "tuning":
@@ -212,9 +208,7 @@ def _columns(artefact: Artefact) -> tuple[Column, ...]:
 
 
 def _check_unknown(artefact: Artefact) -> None:
-    """ValueError where a moment is NaN though tasks were counted, or is none though none were."""
-    import numpy as np
-
+    """ValueError if a moment is NaN though tasks were counted, or a number though none were."""
     for count, moments in COUNTED.items():
         none = artefact.read(count) == 0
         for name in moments:
@@ -223,8 +217,4 @@ def _check_unknown(artefact: Artefact) -> None:
 
 
 def _index(name: str, length: int) -> Axis:
-    import numpy as np
-
-    from qinit_store.schema import Axis
-
     return Axis(name, np.arange(length))

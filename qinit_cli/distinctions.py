@@ -1,7 +1,7 @@
-"""What tells artefacts that are shown together apart: the settings in which they differ, in the fewest words.
+"""The settings in which artefacts that are shown together differ, in few words.
 
-Every table, list, picture and page takes its names from here, so that no two of what it shows are called the same while a setting
-tells them apart, and no name is a hash.
+Every table, list, picture and page takes its names from here, so that two names are equal only if no setting differs, and no
+name is a hash.
 """
 
 from __future__ import annotations
@@ -12,20 +12,11 @@ from typing import Any
 from qinit_cli.environments import label_of
 
 Spec = Mapping[str, Any]
-Settings = dict[
-    str, str
-]  # words such as "gamma 0.9", by a key: settings are compared where their keys are the same
+# settings such as "gamma 0.9" by a key; those of the same key are compared
+Words = dict[str, str]
 
-APART = (
-    "kind",
-    "family",
-    "learning",
-    "method",
-    "source_set",
-    "sources",
-    "inputs",
-    "grid",
-)  # not settings, or told by parts
+# not settings, or taken apart below
+APART = ("kind", "family", "learning", "method", "source_set", "sources", "inputs", "grid")
 ITSELF = ("learner", "estimator", "role")  # settings whose values need no name: "exact", "umvue"
 RECORDED = ("keep_q", "evaluate_every")  # what a run keeps changes none of its numbers
 OF_METHOD, OF_RECORD, OF_SOURCES = "method", "recorded", "sources"  # how the keys of such settings begin
@@ -33,14 +24,14 @@ THEIRS = "sources' "
 COUNTED = {"sources": "sources", "fit": "sources", "run": "targets", "tuning": "sources"}  # what `tasks` are
 
 
-def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -> Settings:
+def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -> Words:
     """The settings of an artefact in words.
 
-    Learning is compared within a family, the method's options among what has one label, which names some of them; so are the
-    family's own where the artefact is called by its label (`labelled`). A fit's sources are settings of the fit, a run's as far
-    as its method `reads_sources`.
+    Learning settings are compared within a family, a method's options among methods of one label, which names some of them; so
+    are a family's own where its label names the artefact (`labelled`). The settings of its sources belong to a fit, and to a run
+    whose method `reads_sources`.
     """
-    found: Settings = {}
+    found: Words = {}
     if "sources" in spec:
         found |= settings({**spec["sources"], "kind": "sources"}, labelled=labelled)
     elif "source_set" in spec and reads_sources:
@@ -48,8 +39,8 @@ def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -
     return found | dict(_own(spec, labelled=labelled))
 
 
-def told_apart(found: Sequence[Settings]) -> list[Settings]:
-    """Of the settings of each, those in which another that has them too differs."""
+def told_apart(found: Sequence[Words]) -> list[Words]:
+    """Of the settings of each, those that differ in another which has them too."""
     words: dict[str, set[str]] = {}
     for one in found:
         for key, word in one.items():
@@ -59,15 +50,15 @@ def told_apart(found: Sequence[Settings]) -> list[Settings]:
     return [{key: word for key, word in one.items() if key in differing} for one in found]
 
 
-def joined(words: Settings) -> str:
+def joined(words: Words) -> str:
     """ "gamma 0.9, exact": each word once."""
     return ", ".join(dict.fromkeys(words.values()))
 
 
 def distinctions(specs: Sequence[Spec], *, labelled: bool = True) -> list[str]:
-    """What tells each of these artefacts from the others, "" where no setting does; `labelled` as in `settings`.
+    """The settings that distinguish each of these artefacts, "" where none does; `labelled` as in `settings`.
 
-    What a run keeps beside its numbers is not told.
+    Settings that change no number, such as --keep-q, are left out.
     """
     apart = told_apart([settings(spec, labelled=labelled) for spec in specs])
     return [
@@ -83,6 +74,11 @@ def separator(labels: Sequence[str]) -> str:
 def with_words(name: str, words: str) -> str:
     """The name and the words behind it, if any."""
     return f"{name}, {words}" if words else name
+
+
+def above_words(name: str, words: str) -> str:
+    """The name and the words on a second line, if any: for the title of a panel."""
+    return f"{name}\n{words}" if words else name
 
 
 def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
@@ -105,16 +101,16 @@ def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
         yield f"{OF_METHOD} {method.get('label')} {name}", _word(name, value)
 
 
-def _said_already(key: str, settings: Settings) -> bool:
+def _said_already(key: str, words: Words) -> bool:
     """Whether the sources' setting is that of the targets too."""
-    return key not in settings or (
-        settings[key].startswith(THEIRS) and settings[key].removeprefix(THEIRS) in settings.values()
+    return key not in words or (
+        words[key].startswith(THEIRS) and words[key].removeprefix(THEIRS) in words.values()
     )
 
 
-def _of_sources(fitted: Spec, targets: Any) -> Settings:
+def _of_sources(fitted: Spec, targets: Any) -> Words:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
-    found: Settings = {}
+    found: Words = {}
     within = f"{OF_SOURCES} {fitted.get('family', {}).get('name', '')}"
     if "family" in fitted:
         found[f"{within} family"] = (

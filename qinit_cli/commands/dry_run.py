@@ -45,11 +45,11 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
     """
     import numpy as np
 
-    from qinit_cli.commands.room import Size, check_artefact, check_memory
+    from qinit_cli.commands.room import Footprint, check_artefact, check_memory
     from qinit_cli.watch import Watch
 
-    check_artefact(Size.of(plan))
-    check_memory(Size.of(trial), trial.count, 1)
+    check_artefact(Footprint.of(plan))
+    check_memory(Footprint.of(trial), trial.count, 1)
     path, count = place(plan, output, work), len(share_of(plan.count, *work.share))
     missing = max(0, count - _saved(path, plan, Path(output.store), share=count < plan.count))
     ids = np.arange(trial.count)

@@ -139,7 +139,7 @@ def _write(
 def _write_with_about(
     destination: OutputFile, paths: list[Path], table: str, fields: list[Field], display: Display
 ) -> None:
-    """The table, and beside it what it cannot say of itself."""
+    """The table, and beside it a JSON file with its origin and the meaning of its columns."""
     from qinit_cli.commands import export_formats
 
     beside = OutputFile(destination.path.with_name(f"{destination.path.name}.json"), destination.force)

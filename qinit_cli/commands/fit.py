@@ -173,7 +173,7 @@ def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
 
 
 def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
-    """By the sources' own axes: looking at somebody's environment again would take its module."""
+    """The fit's layout, over the sources' own axes: looking at an environment again would need its module."""
     from qinit_cli.stages.fit_statistics import contents
     from qinit_store.fit_statistics import fit_statistics
     from qinit_store.schema import fit_schema

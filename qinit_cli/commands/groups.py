@@ -141,7 +141,7 @@ class Tabular:
 
 @dataclass(frozen=True)
 class Imports:
-    """Which modules of somebody's environments are imported: those that are typed, and no others."""
+    """Modules that register environments: imported because they are named on the command line, and no others."""
 
     import_: list[str] | None = option(
         None,

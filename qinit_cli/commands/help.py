@@ -77,9 +77,8 @@ class Commands(TyperGroup):
         if not args and not ctx.resilient_parsing:
             typer.echo(ctx.get_help(), err=True)
             raise typer.Exit(UsageError.exit_code)
-        if args and not args[0].startswith(
-            "-"
-        ):  # no option of its own: typer would load pydantic to read none
+        if args and not args[0].startswith("-"):
+            # no option of its own: typer would load pydantic to read none
             ctx._protected_args, ctx.args = args[:1], args[1:]
             return list(ctx.args)
         return super().parse_args(ctx, args)
@@ -128,7 +127,7 @@ def _by_panel(parameters: Iterable[Any]) -> dict[str, list[Any]]:
 
 
 def _record(parameter: Any, ctx: Any) -> tuple[str, str] | None:
-    """Name and help of a parameter; of an argument not its type as well, which its name says."""
+    """Name and help of a parameter; those of an argument without its type."""
     record = parameter.get_help_record(ctx)
     if record is None or parameter.param_type_name == "option":
         return record  # type: ignore[no-any-return]  # typer's
@@ -136,7 +135,7 @@ def _record(parameter: Any, ctx: Any) -> tuple[str, str] | None:
 
 
 def _write(formatter: Any, heading: str, records: Iterable[tuple[str, str] | None]) -> None:
-    """A heading with a list below it, names that have a hyphen being left whole; nothing where there are no records."""
+    """A heading with a list below it, in which names with a hyphen stay whole; nothing without records."""
     there = [record for record in records if record is not None]
     if not there:
         return
@@ -159,7 +158,7 @@ def _filled(text: str, width: int, indent: str = "") -> list[str]:
 
 
 def _write_verbatim(formatter: Any, heading: str, lines: Iterable[str]) -> None:
-    """Lines that are not wrapped, as they are there to be copied."""
+    """Lines that are never wrapped, so that they can be copied."""
     if lines:
         formatter.write_paragraph()
         if heading:

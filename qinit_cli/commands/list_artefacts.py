@@ -102,12 +102,12 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
 
 
 def _seeds(there: Sequence[Description]) -> dict[str, Any]:
-    """The seed of each of the store's sources, by their content: a run names its sources by that alone."""
+    """The seed of each of the store's sources by their content hash, which is all that a run names them by."""
     return {entry.content_sha256: entry.spec.get("seed") for entry in there if entry.kind == "sources"}
 
 
 def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> list[str]:
-    """What tells each from the others of its kind, family and method."""
+    """The settings in which each differs from the others of its kind, family and method."""
     from qinit_cli.distinctions import distinctions
 
     def with_seed(spec: Mapping[str, Any]) -> Mapping[str, Any]:

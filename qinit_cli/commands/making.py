@@ -60,7 +60,7 @@ class Plan:
     spec: Mapping[str, Any]
     schema: Schema
     learn: Learn  # the rows of some tasks
-    kernel: str  # what the compiled code that it needs is called: one choice of kernel and features
+    kernel: str  # name of the compiled code that it needs: one choice of kernel and features
     what: str  # on the line of progress
     read: Path | None = None  # the artefact it is made from
     inputs: Sequence[Mapping[str, str]] = ()
@@ -94,11 +94,11 @@ def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar
     """
     import numpy as np
 
-    from qinit_cli.commands.room import Size, check_artefact, check_room
+    from qinit_cli.commands.room import Footprint, check_artefact, check_room
     from qinit_store.reading import describe
     from qinit_store.work import open_work
 
-    check_artefact(Size.of(plan))
+    check_artefact(Footprint.of(plan))
     path, asked = place(plan, output, work), share_of(plan.count, *work.share)
     origin = provenance(plan.read, plan.command, plan.spec)
     with open_work(
@@ -111,7 +111,7 @@ def make(plan: Plan, output: Output, work: Work, display: Display, progress: Bar
             if len(asked) == plan.count:  # a share holds its own tasks and no others
                 _take_over(artefact, asked, plan, output, display)
             missing = np.setdiff1d(asked, artefact.saved)
-            check_room(Size.of(plan), len(missing), path, None if work.dask else work.threads)
+            check_room(Footprint.of(plan), len(missing), path, None if work.dask else work.threads)
             tally = _learn_missing(artefact, asked, missing, plan, work, display, progress)
             artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
     return Made(path, describe(path).content_sha256, tally, complete)
@@ -272,7 +272,7 @@ def _failure(task: int, error: Exception, plan: Plan) -> str:
 
 
 def warn(made: Made, before: str, warnings: Iterable[str], display: Display) -> None:
-    """Says the warnings on stderr; --json has them with the one that was said `before`, if any."""
+    """Prints the warnings on stderr; --json holds them too, behind one that was printed `before`, if any."""
     told = list(warnings)
     for warning in told:
         note(display, f"warning: {warning}")

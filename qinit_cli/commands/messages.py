@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 FIRST_LINE = 5.0  # seconds after which the first line of progress comes where there is no terminal ...
 PLAIN_INTERVAL = 30.0  # ... and between one and the next
-ETA_AFTER = 1.0  # second of learning: what is told of the time left before is a guess
+ETA_AFTER = 1.0  # seconds of learning before which the time left is a guess
 
 
 def console(display: Display, *, stderr: bool = False) -> Console:
-    """A rich console for stdout or stderr that obeys --color, NO_COLOR and TERM, and no markup: names hold brackets."""
+    """A rich console for stdout or stderr that obeys --color, NO_COLOR and TERM; without markup, as names hold brackets."""
     from rich.console import Console
 
     terminal = Console(
@@ -56,14 +56,14 @@ def say(text: str) -> None:
     print(wrapped(printable(text), sys.stderr), file=sys.stderr, flush=True)
 
 
-_compiled: set[str] = set()  # kinds that this command has said it compiles
+_compiled: set[str] = set()  # kinds whose compiling this command has announced
 
 
 @contextmanager
 def compiling(display: Display, kind: str = "") -> Iterator[None]:
-    """Within the block one line says when kernels of this kind are compiled; code that was kept is silent.
+    """Announces once that kernels of this kind are compiled, if that happens within the block; kept code is silent.
 
-    Around a whole command, of no kind: where something else is compiled and nothing was said yet.
+    Without a kind, around a whole command: announces any compiling, unless something was announced before.
     """
     from qinit_cli.kernels.compiled import heard
 
@@ -88,7 +88,7 @@ def detail(display: Display, text: str) -> None:
 
 
 def print_path(path: Path) -> None:
-    """The path alone on a line of stdout: as it is for the next stage, on a terminal without what that would obey."""
+    """The path alone on a line of stdout: unchanged in a pipe, with control characters written out on a terminal."""
     print(printable(path) if sys.stdout.isatty() else in_encoding_of(sys.stdout, str(path)), flush=True)
 
 
@@ -118,7 +118,7 @@ class Progress:
         self.tick()
 
     def counting(self, blocks: Iterable[Mapping[str, Any]]) -> Iterator[Any]:
-        """The blocks of tasks, counted once whoever asked for them comes back for more."""
+        """The blocks of tasks, each counted when the next is asked for."""
         for block in blocks:
             yield block
             self.advance(len(block["task"]))
@@ -139,7 +139,7 @@ class Progress:
 
     @property
     def share(self) -> float:
-        """How much of what is to be learned was learned, tasks at work by the episodes that ended: from 0 to 1."""
+        """The share of the missing tasks that is learned, from 0 to 1; a task at work counts by its ended episodes."""
         missing = self._total - self._before
         return min(1.0, max(self._done - self._before, self._watch.tasks) / missing) if missing else 1.0
 

@@ -37,11 +37,11 @@ class OptimalTables:
 
         import numpy as np
 
-        from qinit_cli.commands.room import Size, check_memory
+        from qinit_cli.commands.room import Footprint, check_memory
 
         family = self.targets.family
         check_memory(
-            Size(self.count, math.prod(family.shape) * len(family.actions) * 8), self.count, self.count
+            Footprint(self.count, math.prod(family.shape) * len(family.actions) * 8), self.count, self.count
         )
         if not family.tabular:
             return self._not_learned() if self.output.dry_run else self._learned()

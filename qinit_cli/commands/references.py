@@ -64,7 +64,7 @@ def _resolved(name: str, store: Store) -> Path:
 
 
 def _refuse_other_file(name: str) -> None:
-    """UsageError where a file or folder of that name lies here: it was meant, but is taken for a name in the store."""
+    """UsageError if a file or folder of that name lies here: it was meant, but read as a name in the store."""
     from qinit_store.wording import shell_line
 
     path = Path(name)
@@ -73,8 +73,8 @@ def _refuse_other_file(name: str) -> None:
     if path.is_dir():
         raise UsageError(f"{name} is a folder here; name an artefact in it, as {name}/NAME.h5")
     raise UsageError(
-        f"{name} lies here, but artefacts are HDF5 files whose names end in .h5, as `qinit train-sources` makes them;"
-        f" write {shell_line(f'./{name}')} if it is one under another name"
+        f"{name} lies here, but the file of an artefact ends in .h5; write {shell_line(f'./{name}')} if it is an artefact all"
+        " the same"
     )
 
 

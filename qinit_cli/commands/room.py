@@ -1,6 +1,6 @@
-"""Whether what is asked for fits: into an artefact, into memory and onto the disk. What cannot is refused before it begins.
+"""Whether what is asked for fits into an artefact, into memory and onto the disk; what does not is refused before it begins.
 
-Each figure is the least that it takes, so that nothing is refused that might have gone well. Time is no reason to refuse.
+Each figure is a lower bound, so that nothing is refused that could have succeeded. Time is no reason to refuse.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ CGROUP = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True)
-class Size:
-    """What tasks take, in bytes; of a task what its row in the artefact holds."""
+class Footprint:
+    """The bytes that tasks take."""
 
     tasks: int
-    task: int
+    task: int  # of one, its row in the artefact
     uncompressed: int = 0  # of that, what takes as much on the disk while tasks are learned
     learning: int = 0  # what a task takes in memory while it is learned, beside its row
 
     @classmethod
-    def of(cls, plan: Plan) -> Size:
+    def of(cls, plan: Plan) -> Footprint:
         """That of an artefact."""
         columns = [column for column in plan.schema.task_columns if column.little_endian.kind == "f"]
         real = sum(math.prod(plan.schema.row_shape(one)) * one.little_endian.itemsize for one in columns)
         return cls(plan.count, plan.schema.task_bytes, real, plan.learning_bytes)
 
 
-def check_artefact(size: Size) -> None:
+def check_artefact(size: Footprint) -> None:
     """NotAllowed where no reader would open such an artefact."""
     from qinit_store import guard
 
@@ -57,14 +57,14 @@ def check_artefact(size: Size) -> None:
         )
 
 
-def check_room(size: Size, count: int, where: Path, threads: int | None) -> None:
+def check_room(size: Footprint, count: int, where: Path, threads: int | None) -> None:
     """SystemFailed where this machine has no room for `count` tasks more; `threads` learn, None where workers elsewhere do."""
     if threads is not None:
         check_memory(size, count, threads)
     check_disk(size, count, where)
 
 
-def check_memory(size: Size, count: int, threads: int) -> None:
+def check_memory(size: Footprint, count: int, threads: int) -> None:
     """SystemFailed where what is learned at once, and what is kept of each task, does not fit into memory."""
     from qinit_cli.workforce import BATCH
 
@@ -76,7 +76,7 @@ def check_memory(size: Size, count: int, threads: int) -> None:
         )
 
 
-def check_disk(size: Size, count: int, where: Path) -> None:
+def check_disk(size: Footprint, count: int, where: Path) -> None:
     """SystemFailed where what is saved while tasks are learned does not fit onto the disk."""
     folder = next(one for one in (where, *where.absolute().parents) if one.is_dir())
     status = os.statvfs(folder)
@@ -121,7 +121,7 @@ def _of_control_groups() -> Iterator[int]:
 
 
 def _lines(path: Path) -> list[str]:
-    """None where there is no such file, as on other systems."""
+    """The lines of a file; none if there is no such file, as on other systems."""
     try:
         return path.read_text().splitlines()
     except (OSError, UnicodeDecodeError):

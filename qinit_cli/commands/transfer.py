@@ -165,7 +165,7 @@ def _defaults() -> dict[str, str]:
 
 
 def _from_the_family(values: dict[str, str]) -> str:
-    """What stands in the help for a default that each family has, by their names."""
+    """A default that each family sets, as the help shows it; `values` by family."""
     several = len(set(values.values())) > 1
     return "from the family: " + (
         ", ".join(f"{name} {value}" for name, value in values.items())
@@ -188,7 +188,7 @@ def transfer(
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result, warn
     from qinit_cli.commands.optimal_tables import OptimalTables
-    from qinit_cli.commands.room import Size, check_memory
+    from qinit_cli.commands.room import Footprint, check_memory
     from qinit_cli.stages.degenerate import of_targets
     from qinit_cli.stages.knowledge import Knowledge
 
@@ -198,7 +198,7 @@ def transfer(
     _say_overrides(targets.learning, known.learning, display)
     _say_limits(method, known.fit, targets.family, display)
     if method.privileged:  # its arrays have a leading target axis
-        check_memory(Size(count, math.prod(targets.family.shape) * 8), count, count)
+        check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
     tables = OptimalTables(targets, count, known.learning, output, work, display)
     initial = method.initial(known.fit, targets.targets(count, tables))
     inputs = [*choice, *tables.inputs]
@@ -222,7 +222,7 @@ def transfer(
 
 def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
     """The target tasks that are asked for, given the spec of a fit, and how many; NotAllowed where no run could hold them."""
-    from qinit_cli.commands.room import Size, check_artefact
+    from qinit_cli.commands.room import Footprint, check_artefact
     from qinit_cli.stages.transfer import TargetTasks
 
     sources = fitted["sources"]
@@ -238,12 +238,14 @@ def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[Targe
         learning.evaluate_every,
     )
     count = learning.tasks or family.target_tasks
-    check_artefact(Size(count, settings.episodes * EPISODE_BYTES + targets.evaluations * EVALUATION_BYTES))
+    check_artefact(
+        Footprint(count, settings.episodes * EPISODE_BYTES + targets.evaluations * EVALUATION_BYTES)
+    )
     return targets, count
 
 
 def learning_bytes(episodes: int) -> int:
-    """What the episodes of a task take in memory while it is learned: whole numbers of steps and of goals, 8 bytes each."""
+    """Bytes in memory for the episodes of a task while it is learned: its steps and goals, 8 bytes each."""
     return 16 * episodes
 
 
@@ -286,7 +288,7 @@ def _in_a_name(label: str) -> str:
 
 
 def _kernel(targets: TargetTasks, initial: Initial) -> str:
-    """What the compiled code that these targets need is called: features that are not used are not compiled in."""
+    """The name of the compiled code that these targets need: features that are not used are not compiled in."""
     features = {
         "with shaping": initial.potential.any(),
         "with policies": len(initial.policies.actions) > 0,

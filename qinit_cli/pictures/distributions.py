@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.distinctions import distinctions
+from qinit_cli.distinctions import above_words, distinctions
 from qinit_cli.pictures.names import distribution
 
 if TYPE_CHECKING:
@@ -67,12 +67,9 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
 
 
 def named(found: Sequence[Distribution]) -> list[str]:
-    """What each is called, with the settings that tell it from the others on a second line."""
+    """The name of each, above the settings that distinguish it from the others."""
     words = distinctions([{name: one.spec[name] for name in KEY} for one in found])
-    return [
-        "\n".join(filter(None, (distribution(one.family), own)))
-        for one, own in zip(found, words, strict=True)
-    ]
+    return [above_words(distribution(one.family), own) for one, own in zip(found, words, strict=True)]
 
 
 def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from qinit_cli.distinctions import joined
+from qinit_cli.distinctions import above_words, joined
 from qinit_cli.environments import label_of
 from qinit_cli.pictures.names import distinct, shortened
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def group_names(groups: Sequence[Group]) -> list[str]:
-    """The distribution of each, and on a second line the settings that tell it from the others."""
+    """The distribution of each, above the settings that distinguish it from the others."""
     from qinit_cli.stages.source_sets import told_of_groups
 
     runs = [group.any_run for group in groups]
     labels = [shortened(label_of(run.spec), run.spec["family"]["name"]) for run in runs]
     words = map(joined, told_of_groups(groups))
-    names = ["\n".join(filter(None, both)) for both in zip(labels, words, strict=True)]
+    names = [above_words(label, own) for label, own in zip(labels, words, strict=True)]
     return distinct(names, [f"targets {run.target_digest[:8]}" for run in runs])
 
 

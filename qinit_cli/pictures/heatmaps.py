@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qinit_cli.distinctions import distinctions
+from qinit_cli.distinctions import above_words, distinctions
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import distinct, distribution, listed, number, place, sides
@@ -42,10 +42,7 @@ def drawn(
     upright, across = _sides([panels.family for panels in found])
     words = distinctions([panels.spec for panels in found])
     names = distinct(
-        [
-            "\n".join(filter(None, (distribution(panels.family), own)))
-            for panels, own in zip(found, words, strict=True)
-        ],
+        [above_words(distribution(panels.family), own) for panels, own in zip(found, words, strict=True)],
         [f"fit {panels.fit[:8]}" for panels in found],
     )
     shape = (len(upright.places), len(across.places))

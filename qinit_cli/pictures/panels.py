@@ -14,7 +14,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
 from qinit_cli.pictures.names import marked
-from qinit_cli.stages.source_sets import READ_NO_SOURCES
+from qinit_cli.stages.source_sets import reads_no_sources
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -122,12 +122,12 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
 def _largest(start: Floats, label: str, n: Integers) -> Floats:
     """The start (S, A) of the method of that label, largest over the actions, (S,).
 
-    NaN where that is no source's: where none of `n` (S, A) has a value, a method that reads sources stands in with a bound.
+    NaN where no source has a value, by their number `n` (S, A): there a method that reads sources starts from a bound.
     """
     import numpy as np
 
     largest: Floats = start.max(axis=-1)
-    if label.partition(" ")[0] in READ_NO_SOURCES:
+    if reads_no_sources(label):
         return largest
     known = ((start == largest[:, None]) & (n > 0)).any(axis=-1)
     return np.where(known, largest, np.nan)
@@ -160,7 +160,7 @@ def _table(path: Path, quantity: str) -> Panels:
 def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
     """The start of a run, largest over the actions; that of a method which has one for each target is their mean.
 
-    What no source knows its fit tells, if that is among `fits` or where the run's store has it; else a note says so.
+    What no source knows stands in its fit, which is looked for among `fits` and in the run's store; a note reports its absence.
     """
     from qinit_cli.artefacts import family_in, open_artefact
 
@@ -199,7 +199,7 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
             with open_artefact(path, "fit") as fit:
                 n = fit.read("n")
                 return n.reshape(-1, n.shape[-1])
-    if run.spec["method"]["label"].partition(" ")[0] not in READ_NO_SOURCES:
+    if not reads_no_sources(run.spec["method"]["label"]):
         notes.append(
             f"{run.path}: what no source knows is not grey, for its fit is neither given nor beside it"
         )
@@ -207,7 +207,7 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
 
 
 def _fit_of(source_set: dict[str, Any]) -> dict[str, Any]:
-    """What a run tells of its fit: all that its replicates share."""
+    """The settings of a run's fit that its replicates share."""
     of_sources = ("family", "learner", "learning", "tasks")
     sources = {name: source_set[name] for name in of_sources if name in source_set}
     own = {name: value for name, value in source_set.items() if name not in (*of_sources, "sources")}

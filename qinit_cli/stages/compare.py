@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from qinit_cli.analysis.permutation import can_be_small, fewest_units
-from qinit_cli.distinctions import OF_SOURCES, Settings, joined, separator, with_words
+from qinit_cli.distinctions import OF_SOURCES, Words, joined, separator, with_words
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
@@ -110,7 +110,7 @@ def _titles(groups: Sequence[Group]) -> list[str]:
     ]
 
 
-def _title(group: Group, words: Settings) -> str:
+def _title(group: Group, words: Words) -> str:
     """The distribution, `words` but for what is told of the targets, and the targets."""
     targets, episodes = group.any_run.steps.shape
     anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""

@@ -12,12 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from qinit_cli.distinctions import OF_METHOD, OF_RECORD, Settings, joined, settings, told_apart, with_words
+from qinit_cli.distinctions import OF_METHOD, OF_RECORD, Words, joined, settings, told_apart, with_words
 from qinit_cli.errors import NotAllowed
 from qinit_cli.runs import Run
 
 VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
 READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median reads them
+
+
+def reads_no_sources(label: str) -> bool:
+    """Whether the method of this label starts the same whatever the sources are."""
+    return label.partition(" ")[0] in READ_NO_SOURCES
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,10 @@ class Entry:
     @property
     def reads_no_sources(self) -> bool:
         """Whether the method would be the same whatever the sources are."""
-        return _reads_no_sources(self.runs[0])
+        return reads_no_sources(self.runs[0].label)
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> Words:
         """What all of its runs share."""
         found = [settings(run.spec, reads_sources=not self.reads_no_sources) for run in self.runs]
         return {key: word for key, word in found[0].items() if all(one.get(key) == word for one in found)}
@@ -78,8 +83,8 @@ def grouped(runs: Sequence[Run]) -> list[Group]:
     return _labelled([group for same in _by(once, _distribution) for group in _groups(same)])
 
 
-def told_of_groups(groups: Sequence[Group]) -> list[Settings]:
-    """What tells each group from the others: settings in which the methods of none differ."""
+def told_of_groups(groups: Sequence[Group]) -> list[Words]:
+    """The settings that distinguish each group from the others, but for those in which methods of one group differ."""
     varying = _varying(groups)
     shared = [
         {
@@ -117,7 +122,7 @@ def _labelled(groups: list[Group]) -> list[Group]:
     ]
 
 
-def _distinct(entries: Sequence[tuple[Entry, Settings]], varying: set[str]) -> tuple[Entry, ...]:
+def _distinct(entries: Sequence[tuple[Entry, Words]], varying: set[str]) -> tuple[Entry, ...]:
     kept = [{key: word for key, word in words.items() if key.startswith(OF_RECORD)} for _, words in entries]
     labels = [
         with_words(
@@ -182,12 +187,8 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
 
 
 def _options(run: Run) -> tuple[str, str, str, str]:
-    fitted = {} if _reads_no_sources(run) else run.fitted
+    fitted = {} if reads_no_sources(run.label) else run.fitted
     return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
-
-
-def _reads_no_sources(run: Run) -> bool:
-    return run.label.partition(" ")[0] in READ_NO_SOURCES
 
 
 def _sets(runs: Sequence[Run]) -> int:

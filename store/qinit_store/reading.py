@@ -31,7 +31,7 @@ from qinit_store.schema import (
 )
 from qinit_store.source import Source
 from qinit_store.spec import canonical_json, read_json, settings, spec_sha256, texts
-from qinit_store.wording import shell_line
+from qinit_store.wording import first_few, shell_line
 
 KINDS = ("sources", "fit", "run", "tuning")
 
@@ -104,7 +104,7 @@ class Artefact:
         """A sentence on what the file holds that qinit did not write; "" where there is nothing."""
         if not self.strange:
             return ""
-        some = "; ".join(self.strange[:3]) + ("; ..." if len(self.strange) > 3 else "")
+        some = first_few(self.strange, 3, "; ")
         return (
             f"{self.path} was changed by another program after qinit wrote it: {some};"
             f" `{shell_line('qinit', 'salvage', self.path)}` writes an artefact without that"
@@ -199,9 +199,9 @@ class Artefact:
         """Every task column, and `task`, of the rows from `first` up to `stop`, verified."""
         rows = self._unverified(first, stop)
         if (wrong := self._undigested(first, rows)).any():
-            raise self.damage(f"the digest of task {_some(rows[TASK][wrong])} does not hold")
+            raise self.damage(f"the digest of task {first_few(rows[TASK][wrong].tolist(), 5)} does not hold")
         if (wrong := self.schema.misfits(rows)).any():
-            raise self.damage(f"in task {_some(rows[TASK][wrong])} {self.schema.fault(rows)}")
+            raise self.damage(f"in task {first_few(rows[TASK][wrong].tolist(), 5)} {self.schema.fault(rows)}")
         return rows
 
     def check_tasks(self) -> None:
@@ -429,10 +429,6 @@ def _same_scale(wanted: Array, there: Array) -> bool:
     return (
         np.allclose(wanted, there, rtol=1e-9) if wanted.dtype.kind == "f" else np.array_equal(wanted, there)
     )
-
-
-def _some(ids: Array) -> str:
-    return ", ".join(map(str, ids[:5])) + (", ..." if ids.size > 5 else "")
 
 
 def _inputs(value: Any) -> tuple[dict[str, str], ...]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
 from qinit_store.interpreter import isolated
 from qinit_store.presence import exists
-from qinit_store.wording import shell_line
+from qinit_store.wording import first_few, shell_line
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
@@ -28,7 +28,7 @@ PACKAGES = ("qinit_store", "numpy", "h5py")  # what it imports from elsewhere th
 OUT_OF_MEMORY = "out of memory"  # a verdict
 # what Python reports where memory ends before there can be one
 WITHOUT_MEMORY = (b"MemoryError", b"failed to map segment", b"Cannot allocate memory")
-ALLOWING = {"memory": "ulimit -v", "processor time": "ulimit -t"}  # what tells the limits of a process
+ALLOWING = {"memory": "ulimit -v", "processor time": "ulimit -t"}  # what shows the limits of a process
 ERRORS = {UNREAD: SystemFailed, **{error.state: error for error in (Damaged, NotOurs, TooNew)}}
 
 
@@ -51,9 +51,9 @@ class Verdict:
     def raise_if_damaged(self) -> None:
         """Damaged, naming the tasks, unless all holds; SystemFailed where it was not read to the end."""
         if self.damaged:
-            some = ", ".join(map(str, self.damaged[:10])) + (", ..." if len(self.damaged) > 10 else "")
             raise Damaged(
-                f"{self.path} is damaged: {len(self.damaged)} of {self.tasks} tasks do not hold ({some});"
+                f"{self.path} is damaged: {len(self.damaged)} of {self.tasks} tasks do not hold"
+                f" ({first_few(self.damaged, 10)});"
                 f" `{shell_line('qinit', 'salvage', self.path)}` keeps the others"
             )
         if self.problem:
@@ -122,7 +122,7 @@ def _soft(limit: int, wanted: int) -> int:
 
 
 def _ran_out(path: Path, what: str, limit: str) -> Verdict:
-    problem = f"{path} could not be verified within {limit} of {what}, and may be sound; `{ALLOWING[what]}` tells what is allowed"
+    problem = f"{path} could not be verified within {limit} of {what}, and may be sound; `{ALLOWING[what]}` shows the limit"
     return Verdict(path, problem=problem, state=UNREAD)
 
 

@@ -10,7 +10,7 @@ import os
 import re
 import shlex
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 
 INVISIBLE = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u3164\uffa0]")  # letters and marks that draw nothing
@@ -34,6 +34,11 @@ def printable(text: object, *, keep: str = "") -> str:
 def shell_line(*words: object) -> str:
     """A command of these words as a shell reads it, each quoted where it needs to be: `qinit verify 'a b.h5'`."""
     return " ".join(map(_quoted, words))
+
+
+def first_few(items: Sequence[object], most: int, separator: str = ", ") -> str:
+    """The items, those beyond `most` as an ellipsis: 3, 5, 8, ..."""
+    return separator.join([*map(str, items[:most]), *(["..."] if len(items) > most else [])])
 
 
 def recorded_command(said: object) -> str:

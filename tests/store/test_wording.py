@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from qinit_store.wording import printable, recorded_command, shell_line
+from qinit_store.wording import first_few, printable, recorded_command, shell_line
 
 
 @pytest.mark.parametrize(
@@ -53,6 +53,12 @@ def test_a_shell_reads_an_advised_path_as_the_path_it_is(name: str, tmp_path: Pa
     )
     assert ended.returncode == 0, ended.stderr
     assert Path(os.fsdecode(ended.stdout.removesuffix(b"\n"))) == Path(name)
+
+
+def test_items_beyond_the_first_few_are_an_ellipsis() -> None:
+    assert first_few([3, 5, 8], 3) == "3, 5, 8"
+    assert first_few([3, 5, 8], 2) == "3, 5, ..."
+    assert first_few(["a", "b"], 1, "; ") == "a; ..."
 
 
 def test_a_recorded_command_is_one_command_of_qinit() -> None:
