@@ -106,6 +106,9 @@ class Gym(TableFamily):
         names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"{twice[0]} is varied or set twice")
+        columns = [each.column for each in self._variations]
+        if alike := [each.name for each in self._variations if columns.count(each.column) > 1]:
+            raise ValueError(f"{' and '.join(alike)} would be one column in an artefact; vary one of them")
 
     def imported(self) -> Self:
         """The family, the module that its id names imported: for whoever typed that id; UsageError where it cannot be."""

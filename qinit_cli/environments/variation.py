@@ -17,6 +17,46 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 NUMBERS = {"normal": "MEAN,STD", "uniform": "LOW,HIGH", "map": "SIZE,FROZEN"}
+# what sources, runs and their exported tables have under these names already, beside axes of states
+TAKEN = frozenset(
+    [
+        "action",
+        "added",
+        "artefact",
+        "bin",
+        "byte",
+        "curve_reached",
+        "curve_steps",
+        "eopl",
+        "episode",
+        "eval_reached",
+        "eval_return",
+        "eval_steps",
+        "evaluation",
+        "frozen",
+        "hypothesis",
+        "log_std",
+        "method",
+        "moment",
+        "moves",
+        "potential",
+        "q",
+        "reached",
+        "return",
+        "seconds",
+        "solved",
+        "start",
+        "steps",
+        "task",
+        "task_digest",
+        "td_var",
+        "v_eps",
+        "v_star",
+        "visits",
+        "weight",
+    ]
+)
+AXIS = re.compile(r"state|row|col|x\d+")
 MAP_SEEDS = 2**31
 MAP_TRIES = 1000
 
@@ -50,8 +90,9 @@ class Variation:
 
     @property
     def column(self) -> str:
-        """What the drawn value is called in an artefact."""
-        return self.name.lower()
+        """What the drawn value is called in an artefact, where each name stands for one thing."""
+        name = self.name.lower()
+        return f"{name}_drawn" if name in TAKEN or AXIS.fullmatch(name) else name
 
     @property
     def dtype(self) -> str:

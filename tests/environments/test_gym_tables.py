@@ -402,6 +402,35 @@ def test_a_map_given_as_rows_is_one() -> None:
     assert family.ends()["goal_states"] == [5]
 
 
+@pytest.mark.parametrize("names", [("a", "A"), ("steps", "Steps"), ("x", "X")])
+def test_names_that_would_be_one_column_are_refused(names: tuple[str, str]) -> None:
+    with pytest.raises(ValueError, match=f"{names[0]} and {names[1]} would be one column"):
+        Gym(env_id="Tabled-v0", vary=[f"{name}=uniform:0,1" for name in names])
+
+
+def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..., Gym]) -> None:
+    from qinit_cli.artefacts import action_axis
+    from qinit_cli.environments.variation import Variation
+    from qinit_store.schema import run_schema, sources_schema
+
+    family = tabled()
+    axes = (*family.axes(), action_axis(family))
+    named = {"start_per_task": True, "potential_per_task": True, "exact_values": True, "keep_q": True}
+    schemas = (
+        sources_schema(axes[:-1], axes[-1], (), 5),
+        run_schema(axes[:-1], axes[-1], (), 5, evaluations=2, hypotheses=3, updating=True, **named),
+    )
+    taken = {each.name for schema in schemas for each in (*schema.axes, *schema.columns)} | {
+        "task",
+        "row",
+        "x0",
+    }
+    columns = {Variation.read(f"{name}=uniform:0,1").column for name in taken}
+    assert len(columns) == len(taken)
+    assert not columns & taken
+    assert Variation.read("Slip=uniform:0,1").column == "slip"
+
+
 def test_sampling_is_the_same_every_time() -> None:
     disagreement.cache_clear()
     assert disagreement("Taxi-v4", NOTHING_SET, "", 300) == ""
