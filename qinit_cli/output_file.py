@@ -40,7 +40,7 @@ class OutputFile:
     force: bool  # replaces any regular file
     maker: str = ""  # the command, in words
     mark: bytes = (
-        b""  # in every file that it makes; none in forms without room for it: then only the same is replaced
+        b""  # in every file that it makes; in forms without room for one only equal content is replaced
     )
 
     def check(self) -> None:
@@ -90,7 +90,7 @@ class OutputFile:
             file.write(content)
 
     def settle(self, content: bytes) -> bool:
-        """Whether a file of ours stands there that has this content already; it is then as new as now, which make asks for."""
+        """Whether the file has this content already; its time is then set to now, as make compares times."""
         alike = self.path.is_file() and not self.path.is_symlink() and self._there() == content
         if alike:
             Disk().touch(self.path)

@@ -1,7 +1,7 @@
-"""The settings in an artefact, checked by the dataclasses that made them: whoever wrote the file, they could have been asked for.
+"""The settings in an artefact, checked by the dataclasses that make them.
 
-`specs` writes them. What an earlier version did not know may be missing where its option has a default; nothing may be there
-that no version wrote.
+`specs` writes them. A setting that an earlier version did not have may be missing if its option has a default; an unknown one
+is refused.
 """
 
 from __future__ import annotations
@@ -21,7 +21,11 @@ Settings = Mapping[str, Any]
 Made = TypeVar("Made")
 
 LEARNERS, ROLES = ("q-learning", "exact"), ("source", "target")
-EXACT = {"epsilon": 0.0, "episodes": 1, "start": "fixed"}  # what the exact learner has none of
+EXACT = {
+    "epsilon": 0.0,
+    "episodes": 1,
+    "start": "fixed",
+}  # stand-ins for settings that the exact learner does not have
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
@@ -40,7 +44,7 @@ def family(told: Any) -> Family | None:
 
 
 def learning(told: Any, learner: str = "q-learning") -> Learning:
-    """How tasks were learned; of the exact learner what it has no use for is left at something."""
+    """How tasks were learned; for the exact learner with stand-ins for the settings that it does not have."""
     settings = _object(told, "learning")
     if learner == "exact":
         settings = EXACT | _of(settings, "learning", {"alpha": float, "gamma": float, "horizon": int})
@@ -79,7 +83,7 @@ def _sources(spec: Settings) -> None:
 
 
 def _drawn(told: Settings) -> None:
-    """How sources were drawn and learned, as it stands in every artefact that comes of them."""
+    """How sources were drawn and learned: part of every artefact that is made from them."""
     _among("learner", told["learner"], LEARNERS)
     family(told["family"])
     learning(told["learning"], told["learner"])

@@ -2,9 +2,9 @@
 
 Nothing that is saved can be harmed by ending at once (the store's protocol), so that is safe everywhere else.
 
-The handler raises Interrupted. That is heard of in our own code, but modules that are being imported turn it into an ImportError
-or ignore it, and so do destructors and callbacks of C code. During an import the process therefore ends there and then, and so it
-does where an exception was ignored, or has not ended it in a few seconds.
+The handler raises Interrupted. Our own code lets it through, but modules that are being imported turn it into an ImportError
+or ignore it, as destructors and callbacks of C code do. The process therefore ends at once during an import, once Python reports
+that it ignored the exception, and after some seconds in which the exception has not ended it.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def install() -> None:
 
 
 def end_from_now_on() -> None:
-    """Both signals end the process where it stands, at its end too, where nobody hears exceptions any more."""
+    """From now on both signals end the process at once: while it ends, no code handles exceptions any more."""
     for number in ENDING:
         signal.signal(number, _end)
 
 
 def exit_code() -> int | None:
-    """That of a signal which was to end this process, whatever became of the exception; None where none came."""
+    """That of the first signal that was to end this process, even if its exception was lost; None without a signal."""
     return 128 + _received[0] if _received else None
 
 

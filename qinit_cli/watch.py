@@ -15,7 +15,7 @@ class Watch:
         self._tasks = 0.0
 
     def add(self, steps: int, tasks: float = 0.0, finished: int = 0) -> None:
-        """Counts steps, the tasks that they make (an episode is its share of a task), and the tasks that came to their end."""
+        """Counts steps, the tasks they amount to (an episode is its share of one), and the tasks whose last episode ended."""
         with self._lock:
             self._steps += steps
             self._tasks += tasks
@@ -46,7 +46,7 @@ class Watch:
         return self._finished
 
     def part(self, share: float = 1.0) -> Part:
-        """A watch of some of the learning, which counts here too; of tasks of which it is only a share."""
+        """A watch of some of the learning, which counts here too, its tasks as this share of one."""
         return Part(self, share)
 
 
@@ -63,7 +63,7 @@ class Part(Watch):
         self._whole.add(steps, tasks * self._share, finished if self._share == 1.0 else 0)
 
     def take_back(self) -> None:
-        """The tasks of this part were lost: the whole does not count them any more; their steps were learned."""
+        """Takes the tasks of this part, which were lost, from those of the whole; their steps still count."""
         self.add(0, -self.tasks, -self.finished)
 
     def stop(self) -> None:

@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from running import QINIT, Ended, Pipeline, run_here
+from running import QINIT, SMALL_SOURCES, Ended, Pipeline, run_here
 
-SMALL_SOURCES = ("gridworld", "--size", "6", "--tasks", "4", "--episodes", "200", "--variance", "2")
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 QINIT = Path(sys.executable).with_name("qinit")
+SMALL_SOURCES = ("gridworld", "--size", "6", "--tasks", "4", "--episodes", "200", "--variance", "2")
 
 
 @dataclass(frozen=True)

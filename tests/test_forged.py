@@ -15,8 +15,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import Ended, Pipeline, run_here
 from forging import LIBVER, forge, give, put, settle
+from running import SMALL_SOURCES, Ended, Pipeline, run_here
 
 SOURCES = [
     ("goal_row", 0, 1_000_000),
@@ -63,8 +63,6 @@ def test_verify_names_such_a_task_and_salvage_leaves_it_out(
 def test_growing_takes_no_such_task_over(
     here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
 ) -> None:
-    from conftest import SMALL_SOURCES
-
     (tmp_path / "store" / "sources").mkdir(parents=True)
     put(pipeline.sources, tmp_path / "store" / "sources" / "forged.h5", "q", (2, 0, 0, 0), 1e308)
     more = [word if word != "4" else "5" for word in SMALL_SOURCES]

@@ -87,9 +87,9 @@ class Family(Protocol):
         ...
 
     def ends(self) -> dict[str, Any]:
-        """Which ends are the goal, where that is a matter of settings: `goal` in words, and what else is known of it.
+        """Which ends are the goal, if settings decide that: `goal` in words, and further entries; else empty.
 
-        The summary of train-sources tells it, and its --json has all of it; empty where the family has one goal anyway.
+        The summary of train-sources prints `goal`, its --json holds all entries.
         """
         ...
 

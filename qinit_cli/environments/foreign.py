@@ -1,6 +1,6 @@
 """Running what somebody else has written: what it prints goes to stderr, and its faults bear its name.
 
-Stdout is for results, and a stage behind a pipe reads them: an environment that says hello there would be read as a path.
+Stdout is for results, and the stage behind a pipe reads them: what an environment prints there would be read as a path.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Improper(ValueError):
 
 @contextmanager
 def aside() -> Iterator[None]:
-    """While it lasts, descriptor 1 and sys.stdout are stderr, in all threads; nested or side by side, the last one turns back."""
+    """Descriptor 1 and sys.stdout are stderr, in all threads, until the last of several such blocks ends."""
     _TURN.begin()
     try:
         yield
@@ -44,7 +44,7 @@ def calling(name: str, call: str) -> Iterator[None]:
 
 
 def fault(name: str, call: str, error: BaseException) -> BaseException:
-    """The sentence for what a call of somebody's environment raised; what is ours, or says that memory is full, as it is."""
+    """The sentence for what a call of somebody's environment raised; our own errors and MemoryError as they are."""
     if ends_our_work(error) or isinstance(error, MemoryError):
         return error
     if isinstance(error, Improper):

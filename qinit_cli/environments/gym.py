@@ -111,7 +111,7 @@ class Gym(TableFamily):
             raise ValueError(f"{' and '.join(alike)} would be one column in an artefact; vary one of them")
 
     def imported(self) -> Self:
-        """The family, the module that its id names imported: for whoever typed that id; UsageError where it cannot be."""
+        """The family, once the module that its id names is imported, as that id was typed; UsageError if the import fails."""
         return replace(self, env_id=with_module(self.env_id))
 
     @property

@@ -1,6 +1,6 @@
-"""Whether the steps of an environment are those that its table P says: what acts beside P would be learned nowhere.
+"""Whether an environment steps as its table P has it: what happens beside P would never be learned.
 
-Taxi's fickle passenger is such a thing: the first move with him aboard may change where he wants to go, and P does not know. So a
+An example is Taxi's fickle passenger: the first move with him aboard may change his destination, which is not in P. So a
 table is believed once sampled steps agree with it. Every transition seen must have a chance in P, and what has one must come
 about as often.
 """
@@ -33,7 +33,7 @@ REWARD = 1e-6  # by which a reward may differ: single precision
 
 @lru_cache(64)
 def disagreement(env_id: str, settings: Settings, goal: str, steps: int) -> str:
-    """The first thing that so many sampled steps do which the table does not say; empty if they agree.
+    """The first of so many sampled steps that disagrees with the table, in words; empty if all agree.
 
     Seeds and actions are fixed, so that the answer is the same every time.
     """
@@ -61,7 +61,7 @@ class _Sampled:
         return (
             ""
             if self.table.start[state] > 0
-            else f"an episode started in state {state}, which has no chance to be one"
+            else f"an episode started in state {state}, whose chance to be a start is 0"
         )
 
     def step(self, state: int, action: int, outcome: Outcome) -> str:
@@ -120,7 +120,7 @@ def _likelihoods(env_id: str, settings: Settings) -> list[list[dict[Outcome, flo
 
 
 def _seen_otherwise(env_id: str, env: Any, sampled: _Sampled, steps: int) -> str:
-    """Plays so many steps; the first that the table does not say."""
+    """Plays so many steps; the first that is not in the table, in words."""
     import numpy as np
 
     states, actions = sampled.table.after.shape[:2]

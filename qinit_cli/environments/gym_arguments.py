@@ -1,6 +1,6 @@
-"""What an environment's constructor takes, and whether a value is of the kind that it, or an attribute, has by default.
+"""The arguments of an environment's constructor, and whether a value is of the kind of an argument's or attribute's default.
 
-Python itself does not mind: of text any but the empty one is true, and a rate of 'abc' is somebody else's TypeError later on.
+Python checks neither: any text but the empty one is true, and a rate of 'abc' is a TypeError of the environment later on.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _usual(parameter: inspect.Parameter) -> Any:
-    """The default of an argument, or something of the one kind that it is annotated with; None where nothing is known."""
+    """The default of an argument, or an example of the kind that it is annotated with; None if that is unknown."""
     if parameter.default is not parameter.empty and parameter.default is not None:
         return parameter.default
     annotation = parameter.annotation

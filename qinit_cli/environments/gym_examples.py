@@ -1,4 +1,4 @@
-"""A few tasks that stand for a whole distribution: are its tables to be believed, and has what is varied any effect."""
+"""A few tasks that stand for a whole distribution: whether its tables are believed, and what is varied without effect."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def ends(
 def idle(
     env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str | None
 ) -> tuple[str, ...]:
-    """What is varied but seems to change nothing; `goal` None: as far as played steps show, else by the tables."""
+    """Names of what is varied and seems to change nothing, by the tables, or by played steps if `goal` is None."""
     first, *_ = examples(settings, variations)
     alike = _played if goal is None else _bits
     found = []
@@ -85,7 +85,7 @@ def idle(
 
 
 def _if_sound(does: Callable[[Settings], Any], settings: Settings) -> Iterator[Any]:
-    """What is found of a task, nothing where it cannot be: whoever draws such a task is told then."""
+    """What is found of a task; nothing if that fails, which is reported once such a task is drawn."""
     try:
         yield does(settings)
     except (NotAllowed, UsageError):

@@ -1,4 +1,4 @@
-"""What one sees of an environment by looking at it once: its states, numbered or in bins, its actions, and where it cuts off."""
+"""What a first look at an environment finds: its states, numbered or in bins, its actions, and where it cuts episodes off."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESETS = 200  # seeds 0 to 199, whose states are taken for where episodes start
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What one learns of an environment by looking at it once."""
+    """What a first look at an environment found."""
 
     shape: tuple[int, ...]
     actions: int
@@ -71,7 +71,7 @@ def _row(observation: Any, length: int) -> list[float]:
 
 @lru_cache(64)
 def seen(env_id: str, settings: Settings, bins: str, ranges: tuple[str, ...]) -> Seen:
-    """Its spaces; UsageError where they do not suit, NotAllowed for a faulty table, or where it is not the same twice."""
+    """What it finds; UsageError for spaces that do not suit, NotAllowed for a faulty table or chance that no seed reaches."""
     import numpy as np
 
     with opened(env_id, settings) as env:

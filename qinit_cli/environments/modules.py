@@ -1,6 +1,6 @@
-"""Modules that make environments known, imported where the person at the keyboard names them, and never because a file does.
+"""Modules that register environments, imported because the user names them and never because a file does.
 
-An id is written MODULE:ID. A module that is in `sys.modules` was imported by somebody who may; any other must be named.
+An id is written MODULE:ID. A module in `sys.modules` has been imported already; any other must be named.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def with_module(env_id: str) -> str:
 
 
 def registered_id(env_id: str) -> str:
-    """The id without its module; UsageError, with what to give, where nobody has imported that."""
+    """The id without its module; UsageError, with the option to give, if that is not imported."""
     module, _, bare = env_id.rpartition(":")
     if module and module not in sys.modules:
         raise UsageError(

@@ -135,7 +135,7 @@ class MountainCar:
         return "mountain-car is not Markov in its table's states"
 
     def ends(self) -> dict[str, Any]:
-        """Which ends are the goal, where that is a matter of settings: nothing."""
+        """Nothing: no setting decides which ends are the goal."""
         return {}
 
     def refusal(self, learning: Learning) -> str:

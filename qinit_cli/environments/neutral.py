@@ -104,7 +104,7 @@ class NeutralFamily:
         return "" if self.tabular else f"{self.name} is not Markov in its table's states"
 
     def ends(self) -> dict[str, Any]:
-        """Which ends are the goal, where that is a matter of settings: nothing."""
+        """Nothing: no setting decides which ends are the goal."""
         return {}
 
     def refusal(self, learning: Learning) -> str:
@@ -157,7 +157,7 @@ class TableFamily(NeutralFamily):
         return first
 
     def _tables(self, tasks: Tasks) -> Tables:
-        """The same; NotAllowed where they are not of these tasks, states and actions, which the kernels take for granted."""
+        """`tables`, checked: NotAllowed if they are not of these tasks, states and actions, which kernels take for granted."""
         import math
 
         there = self.tables(tasks)

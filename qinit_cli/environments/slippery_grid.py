@@ -105,7 +105,7 @@ class SlipperyGrid:
         return ""
 
     def ends(self) -> dict[str, Any]:
-        """Which ends are the goal, where that is a matter of settings: nothing."""
+        """Nothing: no setting decides which ends are the goal."""
         return {}
 
     def refusal(self, learning: Learning) -> str:

@@ -38,8 +38,8 @@ UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 def cache_folder(module: str = __name__) -> Path | None:
     """Where machine code of a module's package is kept, made if need be; None if that place cannot be written or trusted.
 
-    Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache). Where it is
-    None, stderr says why, once.
+    Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache). The reason
+    for None is printed on stderr, once.
     """
     digest = hashlib.sha256(metadata.version("numba").encode())
     for file in [*sorted(Path(__file__).parent.glob("*.py")), *_others(module)]:
@@ -71,7 +71,7 @@ def cache_statement() -> str | None:
     return None if cache_folder() is not None else _reported[-1]
 
 
-_reported: list[str] = []  # what stderr was told
+_reported: list[str] = []  # what was printed on stderr
 
 
 def _report(problem: str) -> None:
@@ -83,12 +83,12 @@ def _report(problem: str) -> None:
     _reported.append(statement)
 
 
-_hearing: list[Callable[[str], None]] = []  # who is told of compiling, the innermost last
+_hearing: list[Callable[[str], None]] = []  # called for each compiling, the innermost last
 
 
 @contextlib.contextmanager
 def heard(tell: Callable[[str], None]) -> Iterator[None]:
-    """Within the block `tell` is called with the module of each function that is compiled, as it was not kept, in any thread."""
+    """Within the block `tell` is called with the module of each function that is compiled, in any thread; kept code is silent."""
     _hearing.append(tell)
     try:
         yield
@@ -177,11 +177,8 @@ def _keep_going(made: Any, folder: Path) -> None:
     def loaded(*asked: Any) -> Any:
         try:
             return load(*asked)
-        except (
-            OSError,
-            EOFError,
-            UnpicklingError,
-        ) as error:  # the last two: cut off by a full disk or a power cut
+        except (OSError, EOFError, UnpicklingError) as error:
+            # the last two: cut off by a full disk or a power cut
             _give_up(folder, error)
             return None
 

@@ -1,4 +1,4 @@
-"""Whether anybody else can change what lies at a path: whoever can, has what is loaded from there run as this user.
+"""Whether anybody else can change what lies at a path: code that is loaded from there runs as this user.
 
 The super-user is trusted, and so is a folder of theirs that all may write where nobody can move what others own (/tmp).
 """

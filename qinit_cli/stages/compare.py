@@ -21,7 +21,7 @@ from qinit_cli.stages.source_sets import Entry, Group, grouped, told_of_groups
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
 
-LEVEL = 0.05  # a p that cannot come to it tells nothing
+LEVEL = 0.05  # a p that cannot reach it is left out
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Comp
 
 
 def _titles(groups: Sequence[Group]) -> list[str]:
-    """What each comparison is of, no two alike: where no setting tells them apart, by the targets' digest."""
+    """The title of each comparison, no two alike: with the targets' digest where no setting differs."""
     titles = [_title(group, words) for group, words in zip(groups, told_of_groups(groups), strict=True)]
     return [
         with_words(title, f"targets {group.any_run.target_digest[:8]}") if titles.count(title) > 1 else title

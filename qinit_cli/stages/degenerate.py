@@ -1,7 +1,6 @@
-"""Warnings where settings leave nothing to learn: numbers that are sound may still mean nothing.
+"""Warnings about settings that leave nothing to learn, though the command succeeds and its artefact looks like a result.
 
-With a discount of 1 all values are alike, with a horizon of one step or too few episodes no goal is met. Such a command ends
-well, and what it makes looks like a result.
+With a discount of 1 all values are alike; with a horizon of one step, or too few episodes, no goal is met.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class Store:
     def relatives(self, kind: str, spec: Spec) -> list[Description]:
         """The finished artefacts of `kind` with the same spec apart from "tasks", the largest first.
 
-        A neighbour that one may not read is none; SystemFailed where reading one fails otherwise, as its tasks would
+        A file without permission to read is skipped; SystemFailed if reading one fails otherwise, as its tasks would
         be learned again.
         """
         wanted = canonical_json(without_tasks(spec))
@@ -183,7 +183,7 @@ def _target(work: Path) -> Path:
 
 
 def _size(path: Path) -> int:
-    """In bytes; 0 where that cannot be told, which another message does."""
+    """In bytes; 0 if unknown, which another message reports."""
     try:
         found = status(path)
     except SystemFailed:

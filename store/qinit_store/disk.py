@@ -94,7 +94,7 @@ class Disk:
         self._do("rename to", name, lambda: os.replace(path, name))
 
     def touch(self, path: Path) -> None:
-        """The file, found complete, is as new as now: make compares times. Left as it is where we may not set its time."""
+        """The file's time set to now, as make compares times; left as it is where that is not permitted."""
         self._do("set the time of", path, lambda: _set_time(path))
 
     def remove(self, path: Path) -> None:

@@ -38,7 +38,7 @@ class Damaged(StoreError):
 
 
 class NotOurs(Damaged):
-    """The file is none that qinit wrote, or another program has put its hand to it; nothing of it need be damaged."""
+    """The file is not qinit's, or another program changed it; it need not be damaged."""
 
     state = "foreign"
 

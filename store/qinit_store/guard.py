@@ -192,7 +192,7 @@ def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
     if {TASK, TASK_DIGEST} <= datasets.keys():
         tasks = datasets[TASK].dataset.size
         if datasets[TASK_DIGEST].stored < LEAST_DIGEST * tasks:
-            raise ValueError(f"it declares {tasks} tasks, and digests of fewer are in it")
+            raise ValueError(f"it declares {tasks} tasks and holds digests of fewer")
     for name, one in datasets.items():
         if not one.written:
             raise ValueError(f"{name} is not all there: what was never written would be read as zeros")

@@ -1,4 +1,4 @@
-"""What stands on the disk: absent is what the system reports absent, and no failing call is taken for that."""
+"""What stands on the disk: absent is only what the system reports absent; a call that fails is an error."""
 
 from __future__ import annotations
 

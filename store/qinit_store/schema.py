@@ -17,7 +17,7 @@ TASK = "task"
 TASK_DIGEST = "task_digest"
 CANDIDATE = "candidate"
 DIGEST_BYTES = 32
-# of a column that may have any value: one that nobody here knows, or that grows without end
+# of a column that may have any value: an unknown one, or one without bounds
 ANYTHING: Mapping[str, Any] = {"low": -math.inf, "high": math.inf, "nan": True}
 BLOCK_BYTES = 8 * 1024 * 1024
 ROUNDING = 1e-6  # by which sums of chances and repeated steps may leave [0, 1]
@@ -52,7 +52,7 @@ class Column:
     hashed: bool = True
     low: float | None = None  # the least value; None: any finite one
     high: float | None = None  # the largest; infinity where that may stand there
-    nan: bool = False  # whether NaN may stand for what is not known
+    nan: bool = False  # whether NaN may stand for an unknown value
 
     def __post_init__(self) -> None:
         _check_name(self.name)

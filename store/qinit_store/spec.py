@@ -43,7 +43,7 @@ def read_json(text: str) -> Any:
 
 
 def settings(value: Any) -> dict[str, Any]:
-    """The same, settings by name; ValueError where it is something else or asks for no number of tasks."""
+    """The value, settings by name; ValueError if it is anything else, or if its number of tasks is none."""
     if not isinstance(value, dict):
         raise ValueError("the settings are no object")
     tasks = value.get("tasks", 0)
@@ -53,9 +53,9 @@ def settings(value: Any) -> dict[str, Any]:
 
 
 def texts(value: Any) -> dict[str, str]:
-    """The same, texts by name; ValueError where it is something else."""
+    """The value, texts by name; ValueError if it is anything else."""
     if not isinstance(value, dict) or not all(isinstance(one, str) for one in value.values()):
-        raise ValueError("what tells its origin is no object of texts")
+        raise ValueError("its provenance, or one of its inputs, is no object of texts")
     return value
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import SMALL_SOURCES, Ended, Pipeline
+from running import SMALL_SOURCES, Ended, Pipeline
 
 from qinit_cli.commands import room
 from qinit_cli.stages.sources import bin_sizes

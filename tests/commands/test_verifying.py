@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 import pytest
-from conftest import Ended, Pipeline
+from running import Ended, Pipeline
 
 from qinit_store.reading import describe, open_artefact
 

@@ -12,7 +12,7 @@ import pytest
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_agreement import disagreement
-from qinit_cli.environments.gym_making import NOTHING_SET
+from qinit_cli.environments.gym_making import Settings
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.seeding import Stream
 
@@ -66,13 +66,12 @@ def tabled() -> Iterator[Callable[..., Gym]]:
         gymnasium.register("Tabled-v0", entry_point=Tabled, disable_env_checker=True)
         return Gym(env_id="Tabled-v0")
 
-    from qinit_cli.environments import gym_agreement, gym_episodes, gym_examples, gym_spaces, gym_tables
+    from qinit_cli.environments import gym_episodes, gym_examples, gym_spaces, gym_tables
 
     yield made
     del gymnasium.registry["Tabled-v0"]
     for cached in (
         disagreement,
-        gym_agreement.disagreement,
         gym_episodes.shortest_cut,
         gym_examples.doubt,
         gym_examples.idle,
@@ -210,7 +209,7 @@ def test_what_is_only_written_otherwise_is_read(tabled: Callable[..., Gym], chan
         ),
         (
             lambda given: given.update(start=[0.5, 0.0, 0.5]),
-            "started in state 2, which has no chance to be one",
+            "started in state 2, whose chance to be a start is 0",
         ),
         # the first move alone is another
         (lambda given: given.update(first=[(1.0, 2, 0.0, False)]), "in state 0 led to state 2"),
@@ -432,5 +431,10 @@ def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..
 
 
 def test_sampling_is_the_same_every_time() -> None:
-    disagreement.cache_clear()
-    assert disagreement("Taxi-v4", NOTHING_SET, "", 300) == ""
+    fickle = Settings([("fickle_passenger", True)])
+    found = []
+    for _ in range(2):
+        disagreement.cache_clear()
+        found.append(disagreement("Taxi-v4", fickle, "reward>0", 1000))
+    assert "led to state" in found[0]
+    assert found[0] == found[1]

@@ -319,7 +319,7 @@ HOSTILE = {
     huge_attribute: "attribute provenance_json has values of more than 4 MiB",
     very_many_attributes: "too many attributes",
     very_many_datasets: "too many datasets",
-    more_tasks_than_digests: "it declares 1048576 tasks, and digests of fewer are in it",
+    more_tasks_than_digests: "it declares 1048576 tasks and holds digests of fewer",
     never_written: "start is not all there",
     shape_bomb: "declare more bytes than an artefact may have",
     shape_bomb_of_tasks: "declare more bytes than an artefact may have",
