@@ -57,6 +57,7 @@ TAKEN = frozenset(
     ]
 )
 AXIS = re.compile(r"state|row|col|x\d+")
+LONGEST = 64  # letters of a column's name
 MAP_SEEDS = 2**31
 MAP_TRIES = 1000
 
@@ -81,6 +82,10 @@ class Variation:
         if not (equals and colon and NAME.fullmatch(name) and kind in NUMBERS):
             raise ValueError(
                 f"--vary {text}: write {' or '.join(f'NAME={k}:{v}' for k, v in NUMBERS.items())}"
+            )
+        if len(name) > LONGEST:
+            raise ValueError(
+                f"--vary {text}: {name} has {len(name)} letters; a column of an artefact has {LONGEST} at most"
             )
         if not (math.isfinite(first) and math.isfinite(second)):
             raise ValueError(f"--vary {text}: the numbers must be finite")

@@ -407,6 +407,12 @@ def test_names_that_would_be_one_column_are_refused(names: tuple[str, str]) -> N
         Gym(env_id="Tabled-v0", vary=[f"{name}=uniform:0,1" for name in names])
 
 
+def test_a_name_longer_than_a_column_can_have_is_refused() -> None:
+    assert Gym(env_id="Tabled-v0", vary=[f"{'n' * 64}=uniform:0,1"]).parameters()[0].name == "n" * 64
+    with pytest.raises(ValueError, match="has 65 letters; a column of an artefact has 64 at most"):
+        Gym(env_id="Tabled-v0", vary=[f"{'n' * 65}=uniform:0,1"])
+
+
 def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..., Gym]) -> None:
     from qinit_cli.artefacts import action_axis
     from qinit_cli.environments.variation import Variation
