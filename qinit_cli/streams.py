@@ -8,13 +8,15 @@ import os
 import sys
 
 ERRORS = "qinit"
+PLAIN = {"–": "-", "−": "-", "×": "x", "·": ".", "’": "'"}  # of equal width: columns stay in line
 
 
 def prepare() -> None:
     """Opens the null device in the place of closed streams, and makes no character an error.
 
     Else the next file to be opened would become stdout, and what is printed would be written into it. Names that are no text in
-    the stream's encoding pass unchanged, so that paths arrive in the next command; what else it lacks becomes a question mark.
+    the stream's encoding pass unchanged, so that paths arrive in the next command; a dash that it lacks becomes a hyphen,
+    what else it lacks a question mark.
     """
     codecs.register_error(ERRORS, _replaced)
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
@@ -26,6 +28,7 @@ def prepare() -> None:
             setattr(sys, name, open(descriptor, "w" if descriptor else "r", closefd=False))  # noqa: SIM115 for good
     _set_errors(sys.stdin, "surrogateescape")
     _set_errors(sys.stdout, ERRORS)
+    _set_errors(sys.stderr, ERRORS)
 
 
 def in_encoding_of(stream: object, path: str) -> str:
@@ -48,13 +51,13 @@ def _set_errors(stream: object, errors: str) -> None:
 
 
 def _replaced(error: UnicodeError) -> tuple[str | bytes, int]:
-    """The bytes that surrogates stand for, and question marks."""
+    """The bytes that surrogates stand for, the nearest of ASCII, and question marks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]
     escaped = (0xDC80 <= ord(character) <= 0xDCFF for character in lacking)
     made = bytes(
-        ord(character) - 0xDC00 if is_byte else ord("?")
+        ord(character) - 0xDC00 if is_byte else ord(PLAIN.get(character, "?"))
         for character, is_byte in zip(lacking, escaped, strict=True)
     )
     return made, error.end

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pwd
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -172,6 +173,13 @@ def test_streams_of_few_characters_carry_tables_and_paths(tmp_path: Path, pipeli
     told = ended('"$Q" show "$F" --format markdown', tmp_path, F=str(pipeline.fit), PYTHONIOENCODING="ascii")
     assert told.returncode == 0
     assert told.stdout.isascii()
+    compared = ended(
+        '"$Q" compare "$R" --baseline zero --format table',
+        tmp_path,
+        R=str(pipeline.runs["zero"]),
+        PYTHONIOENCODING="ascii",
+    )
+    assert re.search(rb"\.\d{4}-\.\d{4}", compared.stdout), compared  # an interval, its dash a hyphen
     line = 'set -o pipefail; "$Q" fit "$S" -q -o "$N" | "$Q" verify - --format json'
     for name in (b"./\xc3\xa9.h5", b"./\xff.h5"):
         piped = subprocess.run(

@@ -28,7 +28,7 @@ def lines(findings: Findings) -> Iterator[str]:
 def _test(question: str, found: Findings) -> str:
     least, most = found["n_least"], found["n_most"]
     if not found["tested"]:
-        return f"{question}? none of {found['state_actions']} state-actions is testable (8 tasks that differ)"
+        return f"{question}? none of {found['state_actions']} state-actions is testable: that takes 8 tasks that differ"
     shares = ", ".join(
         f"{name} {_percent(found[f'rejected_{key}'])}"
         for name, key in (

@@ -205,6 +205,7 @@ def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitt
 def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
     from qinit_cli.artefacts import open_artefact
+    from qinit_cli.report.numbers import counted
     from qinit_cli.stages.lifelong import Known, log_std
 
     with open_artefact(made.path, "run") as artefact:
@@ -216,7 +217,8 @@ def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     lived = (
         f"{len(added)} tasks: already complete"
         if made.complete_before
-        else f"{learned} targets learned one after another, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+        else f"{counted(learned, 'target')} learned one after another, {tally.steps:.3g} steps "
+        f"in {tally.seconds:.3g} kernel seconds"
     )
     return (
         f"{method.label} updated: {lived}; {added.mean():.0f} entries added a task; "

@@ -165,6 +165,7 @@ def _schema(tasks: SourceTasks) -> Any:
 def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
     """What was learned and how well, and what makes it worth little; the errors also go into the tally."""
     from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.report.numbers import counted
     from qinit_cli.seeding import Stream
     from qinit_cli.stages.degenerate import SourcesLearned, of_sources
 
@@ -177,7 +178,7 @@ def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
     )
     count, learned = len(found.ids), tally.tasks - tally.skipped - tally.failed
     sentence = (
-        f"{learned} tasks learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
+        f"{counted(learned, 'task')} learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
         f"{solved} of {count} solved"
     )
     if solvable < count:

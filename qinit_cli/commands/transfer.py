@@ -377,8 +377,11 @@ def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
 
 
 def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
+    from qinit_cli.report.numbers import counted
+
     learned = tally.tasks - tally.skipped - tally.failed
-    sentence = f"{method.label}: {learned} targets learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    sentence = f"{method.label}: {counted(learned, 'target')} learned"
+    sentence += f", {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
     if unsolvable:
         sentence += f"; {unsolvable} targets cannot be solved, and stay"
     if initial.filled:

@@ -55,13 +55,15 @@ class Store:
             return Path(reference)
         folder, _, name = reference.rpartition("/")
         if folder and folder not in FOLDERS.values():
-            raise NotFound(f"there is no {reference}; `qinit list` shows what there is")
+            raise NotFound(f"there is no {reference}{_meant(reference, _beside(reference))}")
         found = [path for path in self._named(_checked(name)) if folder in ("", path.parent.name)]
         if len(found) > 1:
             both = " and ".join(f"{path.parent.name}/{path.stem}" for path in found)
             raise Refused(f"{reference} is the name of {both}; write one of these")
         if not found:
-            raise NotFound(f"there is no {reference} in {self.root}{self._nearest(name)}")
+            here = "here or " if is_path and not folder else ""
+            known = [*(_beside(name) if here else []), *self.names()]
+            raise NotFound(f"there is no {reference} {here}in {self.root}{_meant(name, known)}")
         return found[0]
 
     def names(self) -> list[str]:
@@ -110,9 +112,22 @@ class Store:
         paths = [self.root / folder / full for folder in FOLDERS.values()]
         return [path for path in paths if exists(path)]
 
-    def _nearest(self, name: str) -> str:
-        near = difflib.get_close_matches(name.removesuffix(SUFFIX), self.names(), n=1)
-        return f"; did you mean {near[0]}?" if near else "; `qinit list` shows what there is"
+
+def _beside(reference: str) -> list[str]:
+    """The artefacts in the folder that a path leads to, written as it is; none for a name in the store."""
+    if not reference.endswith(SUFFIX):
+        return []
+    folder = reference[: reference.rfind("/") + 1]
+    with suppress(SystemFailed):
+        return [folder + name for name in names(Path(folder)) if name.endswith(SUFFIX) and name[0] != "."]
+    return []
+
+
+def _meant(reference: str, known: list[str]) -> str:
+    """What to do about a reference that leads nowhere: the nearest of the `known` ones, compared without `.h5`."""
+    stems = {name.removesuffix(SUFFIX): name for name in reversed(known)}
+    near = difflib.get_close_matches(reference.removesuffix(SUFFIX), stems, n=1)
+    return f"; did you mean {stems[near[0]]}?" if near else "; `qinit list` shows what the store holds"
 
 
 def _checked(name: str) -> str:

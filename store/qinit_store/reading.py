@@ -34,6 +34,12 @@ from qinit_store.spec import canonical_json, read_json, settings, spec_sha256, t
 from qinit_store.wording import first_few, shell_line
 
 KINDS = ("sources", "fit", "run", "tuning")
+MAKERS = {
+    "sources": "train-sources",
+    "fit": "fit",
+    "run": "transfer",
+    "tuning": "tune",
+}  # the command of each
 
 ROOT_ATTRIBUTES = (
     "qinit_format",
@@ -308,8 +314,12 @@ def _open(path: Path, formats: tuple[str, ...], *, trust: bool = True) -> Artefa
     try:
         description, format = source.asked(lambda: _described(source, file))
         if format not in formats:
-            wanted = " or ".join(one.removeprefix("qinit/") for one in formats)
-            raise Refused(f"{path} is of the kind {format.removeprefix('qinit/')}; {wanted} is needed")
+            kinds = [one.removeprefix("qinit/") for one in formats]
+            makers = " or ".join(f"`qinit {MAKERS[kind]}`" for kind in kinds if kind in MAKERS)
+            raise Refused(
+                f"{path} is of the kind {format.removeprefix('qinit/')}; {' or '.join(kinds)} is needed"
+                + (f", as made by {makers}" if makers else "")
+            )
         return Artefact(source, file, description, format, trust=trust)
     except BaseException:
         _close(source, file)

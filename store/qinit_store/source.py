@@ -46,7 +46,7 @@ class Source(io.RawIOBase):
             # a pipe must not hold us
             self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         except (FileNotFoundError, NotADirectoryError):
-            raise NotFound(f"there is no {path}; `qinit list` shows what there is") from None
+            raise NotFound(f"there is no {path}; `qinit list` shows what the store holds") from None
         except OSError as problem:
             raise refusal("read", path, problem) from problem
         try:

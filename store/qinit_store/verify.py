@@ -67,7 +67,7 @@ def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS, opening:
     that a limit ends says nothing of the file: "unread". NotFound where there is nothing.
     """
     if not exists(path):
-        raise NotFound(f"there is no {path}; `qinit list` shows what there is")
+        raise NotFound(f"there is no {path}; `qinit list` shows what the store holds")
     memory, seconds = _soft(resource.RLIMIT_AS, memory), _soft(resource.RLIMIT_CPU, seconds)
     packages = (*PACKAGES, opening.partition(".")[0])
     command = isolated(PROGRAM, packages, str(path), str(memory), str(seconds), opening)

@@ -58,6 +58,21 @@ def test_a_missing_name_comes_with_the_nearest(store):
         store.resolve("gridwrold-7")
 
 
+def test_a_missing_file_comes_with_the_nearest_beside_it(store, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    make_sources(tmp_path / "plain.h5")
+    make_sources(tmp_path / "out" / "grid.h5")
+    for reference, near in (
+        ("plan.h5", "plain.h5"),
+        ("./plan.h5", "./plain.h5"),
+        ("out/gird.h5", "out/grid.h5"),
+    ):
+        with pytest.raises(NotFound, match=rf"did you mean {near}\?"):
+            store.resolve(reference)
+    with pytest.raises(NotFound, match=r"there is no nothing\.h5 here or in "):
+        store.resolve("nothing.h5")
+
+
 @pytest.mark.parametrize("reference", ["no/such/file.h5", "nothing.h5", "nothing", "runs/nothing"])
 def test_what_is_not_there_is_not_found(store, reference):
     with pytest.raises(NotFound, match="there is no"):

@@ -61,7 +61,7 @@ def add_to(app: typer.Typer) -> None:
         references=(
             Reference(
                 "artefacts",
-                "The folder of a reproduction; or sources, fits and runs: paths, names in the store, or - for stdin.",
+                "The folder of a reproduction; or sources, fits, runs and tunings: paths, names in the store, or - for stdin.",
                 several=True,
             ),
         ),
@@ -78,7 +78,7 @@ def report(artefacts: list[str], reporting: Reporting, reading: Reading, display
     file = OutputFile(reporting.path, reporting.force, GENERATOR, MARK.encode())
     file.check()
     content = html(page(_material(artefacts, reporting, reading.store), f"qinit {__version__}")).encode()
-    size = f"{len(content) / 1e6:.1f} MB"
+    size = f"{len(content) / 1e6:.2f} MB"
     if file.settle(content):
         note(display, f"{file.path} is up to date, {size}")
     else:
