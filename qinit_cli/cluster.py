@@ -343,7 +343,7 @@ class Cluster(Executor):
             self._unfit = True
             return self._end(
                 SystemFailed(
-                    f"{self._worker(answer.key)} is not to be believed, {reason}; nothing of that batch is saved: stop that "
+                    f"{self._worker(answer.key)} gave no usable answer, {reason}; nothing of that batch is saved: stop that "
                     "worker, and the same command goes on"
                 )
             )

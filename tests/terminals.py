@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import termios
 import threading
 import time
@@ -16,7 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-QINIT = Path(sys.executable).with_name("qinit")
+from running import QINIT
+
 CTRL_C = b"\x03"
 LONGEST = 120.0  # seconds until a command that ignores its signal is given up
 

@@ -456,7 +456,7 @@ def test_an_answer_that_does_not_fit_is_not_saved_and_ends_the_work_naming_the_w
     assert not any(len(outcome.ids) or outcome.failures for outcome in outcomes)
     with pytest.raises(SystemFailed, match=re.escape(words)) as raised:
         made.complain()
-    assert "the worker tcp://10.0.0.7:4711 is not to be believed" in str(raised.value)
+    assert "the worker tcp://10.0.0.7:4711 gave no usable answer" in str(raised.value)
 
 
 def _talking(words: bytes) -> Iterator[str]:
