@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -54,7 +55,9 @@ def fault(name: str, call: str, error: BaseException) -> BaseException:
 
 def ends_our_work(error: BaseException) -> bool:
     """Whether it is an error or an interruption of ours; all else, panics of compiled code among it, somebody else has raised."""
-    return isinstance(error, QinitError | Interrupted | KeyboardInterrupt | GeneratorExit)
+    if isinstance(error, KeyboardInterrupt):  # Ctrl-C raises it only where Python's own handler stands
+        return signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    return isinstance(error, QinitError | Interrupted | GeneratorExit)
 
 
 def told(error: BaseException) -> str:

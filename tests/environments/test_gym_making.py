@@ -195,6 +195,22 @@ def test_a_fault_of_an_environment_names_it_the_call_and_the_error(
     assert "fault of qinit" not in ended.err
 
 
+def test_an_interruption_is_the_environments_own_where_ctrl_c_raises_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import signal
+
+    from qinit_cli.environments.foreign import fault
+
+    given = KeyboardInterrupt("window closed")
+    for handler, ours in ((signal.default_int_handler, True), (signal.SIG_IGN, False)):
+        monkeypatch.setattr(signal, "getsignal", lambda number, handler=handler: handler)
+        assert (fault("Walk-v0", "step(1)", given) is given) == ours
+    assert str(fault("Walk-v0", "step(1)", given)).startswith(
+        "step(1) of Walk-v0 raised KeyboardInterrupt: window"
+    )
+
+
 def test_every_environment_that_is_made_is_closed(here: Callable[..., Any]) -> None:
     walks.Walk.counts.update(made=0, closed=0)
     words = ("--goal", "terminated", "--vary", "slip=uniform:0.1,0.3", "--episodes", 20, "-q")
