@@ -24,7 +24,7 @@ def drawn(here: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPa
             save(picture, path)
 
         monkeypatch.setattr(Drawn, "save", caught)
-        ended = here("plot", picture, *arguments, "-o", tmp_path / "picture.png")
+        ended = here("plot", picture, *arguments, "-o", tmp_path / "picture.png", "--force")
         assert ended.code == 0, ended.err
         assert ended.out == f"{tmp_path / 'picture.png'}\n"
         [figure] = figures
