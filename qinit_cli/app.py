@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -204,12 +204,21 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _say(message: str, code: int) -> int:
-    if message:
-        say(f"qinit: {message}")
+    """The exit code, which stays what it is where stderr takes nothing: a full disk, or a reader that has gone."""
+    try:
+        if message:
+            say(f"qinit: {message}")
+    except OSError:
+        _discard(sys.stderr)
     return code
 
 
 def _closed_pipe() -> int:
-    """Ends silently: whoever read our output has gone. Python would complain once more when it flushes stdout at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Ends silently: whoever read our output has gone."""
+    _discard(sys.stdout)
     return 141
+
+
+def _discard(stream: TextIO) -> None:
+    """Leads the stream to the null device: Python flushes it once more at exit, and would fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
