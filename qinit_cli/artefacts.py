@@ -6,6 +6,7 @@ each number, task parameters included, by the range of its column, before a kern
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,20 @@ from qinit_store.schema import (
 
 TABLE = {"sources": "q", "fit": "mu", "run": "start"}  # a table over states and actions that each kind has
 INDICES = ("bin", "library", "episode", "evaluation", "hypothesis", "candidate", "held_out", "byte")
+SETTINGS = {  # one of them makes an artefact ours
+    "kind",
+    "algorithm_version",
+    "family",
+    "learning",
+    "learner",
+    "sources",
+    "source_set",
+    "method",
+    "grid",
+}
+LEAST = 1e-300  # below, numbers lose digits
+ESTIMATED = ("lognormal_median", "lognormal_mean")
+SLACK = 1e-6  # by which sums in other orders, and rounded logarithms, may differ
 COUNTED = {"n": ("mu", "sigma", "mean", "std", "min", "max"), "eopl_n": ("eopl_mean", "eopl_std")}
 
 
@@ -43,8 +58,12 @@ def open_artefact(path: Path, kind: str | None = None) -> Artefact:
 
 
 def open_doubtful(path: Path) -> Artefact:
-    """The same whether or not its content hash holds, for verify and salvage; Damaged if its settings cannot be."""
-    return _fitting(reading.open_doubtful(path))
+    """The same, though its content hash need not hold, and settings of another program's are left alone: for verify and salvage.
+
+    Damaged where its settings cannot be.
+    """
+    artefact = reading.open_doubtful(path)
+    return _fitting(artefact) if _ours(artefact.spec) else artefact
 
 
 def describe(path: Path) -> Description:
@@ -93,8 +112,7 @@ def action_axis(family: Family) -> Axis:
 
 def _fitting(artefact: Artefact) -> Artefact:
     try:
-        if _ours(artefact.spec):
-            _expect(artefact)
+        _expect(artefact)
     except BaseException:
         artefact.close()
         raise
@@ -102,8 +120,8 @@ def _fitting(artefact: Artefact) -> Artefact:
 
 
 def _ours(spec: dict[str, Any]) -> bool:
-    """Whether a command of ours made it: other programs that use the store write settings of their own."""
-    return bool({"kind", "algorithm_version"} & spec.keys())
+    """Whether a command made it, or could take it for its own: what other programs put into a store has settings of its own."""
+    return bool(SETTINGS & spec.keys())
 
 
 def _expect(artefact: Artefact) -> None:
@@ -114,6 +132,8 @@ def _expect(artefact: Artefact) -> None:
         artefact.expect(axes, columns)
         if artefact.kind == "fit":
             _check_unknown(artefact)
+            _check_moments(artefact)
+            _check_sources(artefact)
     except ValueError as fault:
         raise artefact.damage(str(fault)) from fault
 
@@ -133,6 +153,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
     axes = [_index(name, artefact.schema.sizes[name]) for name in INDICES if name in artefact.schema.sizes]
     if family is not None and artefact.kind != "tuning" and not getattr(family, "packages", ()):
         axes += [*family.axes(), action_axis(family)]
+    _check_scales(artefact)
     parameters = () if family is None or artefact.kind not in ("sources", "run") else family.parameters()
     names = {*(column.name for column in parameters), *artefact.spec.get("grid", ())}
     if lacking := names - {column.name for column in artefact.schema.columns}:
@@ -158,6 +179,10 @@ def _lengths(artefact: Artefact) -> dict[str, int]:
                 "episode": learning.episodes,
                 "evaluation": 1 + learning.episodes // every if every else 0,
             }
+        case "tuning":
+            combinations = math.prod(len(values) for values in spec["grid"].values())
+            tried = artefact.schema.sizes.get("candidate", 0)  # among them the method as it is
+            return {"candidate": min(max(1, tried), combinations + 1)}
         case _:
             return {}
 
@@ -214,6 +239,59 @@ def _check_unknown(artefact: Artefact) -> None:
         for name in moments:
             if not np.array_equal(np.isnan(artefact.read(name)), none):
                 raise ValueError(f"{name} must be NaN where {count} is 0, and nowhere else")
+
+
+def _check_moments(artefact: Artefact) -> None:
+    """ValueError where statistics of a fit contradict one another."""
+    tables = {name: artefact.read(name) for name in ("n", *COUNTED["n"], *ESTIMATED)}
+    known = tables["n"] > 0
+    mu, sigma, mean, std, least, most, median, average = (
+        tables[name][known] for name in (*COUNTED["n"], *ESTIMATED)
+    )
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        low, high = np.log(least), np.log(most)
+        slack = SLACK * (1 + np.abs(high))
+        within = {
+            "mean": (least <= mean * (1 + SLACK)) & (mean <= most * (1 + SLACK)),
+            "std": std <= most - least + SLACK,
+            "mu": (low <= mu + SLACK * (1 + np.abs(mu))) & (mu <= high + slack),
+            "sigma": sigma <= high - low + slack,
+        }
+        if artefact.spec["estimator"] == "mle":
+            within["lognormal_median"] = np.isclose(median, np.exp(mu), rtol=SLACK, atol=LEAST)
+            within["lognormal_mean"] = np.isclose(average, np.exp(mu + sigma**2 / 2), rtol=SLACK, atol=LEAST)
+    for name, fits in within.items():
+        if not fits.all():
+            raise ValueError(f"{name} contradicts the other statistics of the fit")
+
+
+def _check_sources(artefact: Artefact) -> None:
+    """ValueError where a fit counts sources otherwise than its settings and its library do."""
+    spec, library = artefact.spec, artefact.read("library_task")
+    counted = artefact.read("n") + artefact.read("n_masked")
+    fitted = spec["sources"]["tasks"]
+    if counted.size and not (counted.min() == counted.max() <= fitted):
+        raise ValueError(f"n and n_masked do not count the same sources everywhere, {fitted} at most")
+    if (np.diff(library) <= 0).any() or library.size > spec.get("library", library.size):
+        raise ValueError("library_task is no row of ascending tasks, as many at most as the settings keep")
+
+
+def _check_scales(artefact: Artefact) -> None:
+    """ValueError where the axes of a table, or the moments of a run, are no scales whatever the family."""
+    axes = {axis.name: axis.values for axis in artefact.schema.axes}
+    if artefact.kind != "tuning":
+        table = next(one for one in artefact.schema.columns if one.name == TABLE[artefact.kind])
+        *states, action = (name for name in table.dims if name != "task")
+        if axes[action].dtype.kind != "S":
+            raise ValueError(f"its axis {action} has no names")
+        for name in states:
+            if axes[name].dtype.kind != "S" and not (np.diff(axes[name]) > 0).all():
+                raise ValueError(f"its axis {name} does not ascend")
+    if "moment" in axes:
+        moments, episodes = axes["moment"], artefact.spec["learning"]["episodes"]
+        whole = moments.dtype.kind == "i" and moments.size > 0
+        if not (whole and (np.diff(moments) > 0).all() and moments[0] >= 0 and moments[-1] <= episodes):
+            raise ValueError("its axis moment is no row of ascending numbers of episodes")
 
 
 def _index(name: str, length: int) -> Axis:

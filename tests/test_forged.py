@@ -292,3 +292,58 @@ def test_no_forgery_of_thousands_is_a_fault_of_qinit(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     _try_forgeries(sound, tmp_path, range(40, 2_040))
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "value"),
+    [
+        ("mu", 0.5, "mu contradicts"),
+        ("lognormal_median", 0.5, "lognormal_median contradicts"),
+        ("mean", 1.0, "mean contradicts"),
+        ("std", 1.0, "std contradicts"),
+        ("n", 1, "count the same sources"),
+        ("library_task", 0, "ascending tasks"),
+    ],
+)
+def test_statistics_that_contradict_one_another_are_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str, where: float, value: str
+) -> None:
+    with h5py.File(pipeline.fit) as file:
+        varied = tuple(np.argwhere((file["std"][...] > 0) & (file["std"][...] < 0.5))[0])
+    place = 1 if name == "library_task" else varied
+    ended = here("show", put(pipeline.fit, tmp_path / "forged.h5", name, place, where))
+    assert (ended.code, value in ended.err) == (6, True)
+
+
+def test_axes_that_depend_on_a_package_are_scales_at_least(
+    here: Callable[..., Ended], lake: tuple[Path, Path], tmp_path: Path
+) -> None:
+    path = put(lake[0], tmp_path / "forged.h5", "row", 0, 7)
+    ended = here("show", path)
+    assert (ended.code, "its axis row does not ascend" in ended.err) == (6, True)
+
+
+def test_settings_that_name_no_maker_are_checked_before_a_kernel_sees_the_tasks(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    def unsigned(spec: dict[str, Any]) -> None:
+        del spec["kind"], spec["algorithm_version"]
+
+    path = settle(pipeline.sources, tmp_path / "unsigned.h5", unsigned)
+    put(path, tmp_path / "forged.h5", "goal_row", 0, 1_000_000)
+    assert here("show", tmp_path / "forged.h5").code == 6
+
+
+@pytest.mark.parametrize("kind", ["sources", "fit", "run"])
+def test_settings_of_another_program_are_refused_by_what_needs_ours(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, kind: str
+) -> None:
+    def others(spec: dict[str, Any]) -> None:
+        spec.clear()
+        spec["origin"] = "another program"
+
+    sound = {"sources": pipeline.sources, "fit": pipeline.fit, "run": pipeline.runs["zero"]}[kind]
+    path = settle(sound, tmp_path / "other.h5", others)
+    command = {"sources": ("fit", path), "fit": ("transfer", "mean", path), "run": ("compare", path)}[kind]
+    for words in (("show", path), command):
+        assert here(*words).code == 6

@@ -237,3 +237,8 @@ def test_undecodable_names_end_no_command(here: Callable[..., Any], pipeline: An
     ):
         assert here(*words).code == 0, words
     assert here("show", f"./no{odd}").code == 2
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+def test_a_full_stderr_leaves_the_exit_code_of_the_error(tmp_path: Path) -> None:
+    assert ended('"$Q" show nothing.h5 2>/dev/full', tmp_path).returncode == 2
