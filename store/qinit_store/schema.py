@@ -243,7 +243,7 @@ def fit_schema(
             state_action,
             "f8",
             long_name="median of the fitted log-normal",
-            low=0,
+            low=-math.inf,  # the unbiased estimator may be below 0
             high=math.inf,
             nan=True,
         ),
@@ -252,7 +252,7 @@ def fit_schema(
             state_action,
             "f8",
             long_name="mean of the fitted log-normal",
-            low=0,
+            low=-math.inf,
             high=math.inf,
             nan=True,
         ),
