@@ -176,6 +176,16 @@ def test_list_tells_what_differs(here: Callable[..., Any], tmp_path: Path) -> No
     assert "differs in" not in alone
 
 
+def test_list_tells_the_method_that_a_name_does_not(
+    here: Callable[..., Any], tmp_path: Path, pipeline: Any
+) -> None:
+    (tmp_path / "s" / "runs").mkdir(parents=True)
+    for name, run in (("a", "zero"), ("b", "mean"), ("by-ucoi", "ucoi")):
+        (tmp_path / "s" / "runs" / f"{name}.h5").write_bytes(pipeline.runs[run].read_bytes())
+    rows = list(csv.DictReader(io.StringIO(here("list", "--store", "s").out), delimiter="\t"))
+    assert {row["name"]: row["differs"] for row in rows} == {"a": "zero", "b": "mean", "by-ucoi": ""}
+
+
 @pytest.mark.parametrize("format", ["table", "tsv", "csv", "json", "jsonl", "markdown"])
 @pytest.mark.parametrize("metric", ["return", "success", "steps"])
 def test_no_two_columns_of_a_comparison_have_one_name(

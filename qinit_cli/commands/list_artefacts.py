@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -107,8 +108,9 @@ def _seeds(there: Sequence[Description]) -> dict[str, Any]:
 
 
 def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> list[str]:
-    """The settings in which each differs from the others of its kind, family and method."""
-    from qinit_cli.distinctions import distinctions
+    """The settings in which each differs from the others of its kind, family and method, which stands before them unless the
+    artefact's name has it."""
+    from qinit_cli.distinctions import distinctions, with_words
 
     def with_seed(spec: Mapping[str, Any]) -> Mapping[str, Any]:
         sources = spec.get("source_set", {})
@@ -119,15 +121,20 @@ def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> li
     for at, entry in enumerate(entries):
         if entry.spec:
             family = entry.spec.get("sources", entry.spec).get("family", {}).get("name", "")
-            method = entry.spec.get("method", {}).get("label", "")
+            method = str(entry.spec.get("method", {}).get("label", ""))
             alike.setdefault((entry.kind, family, method), []).append(at)
     words = [""] * len(entries)
-    for places in alike.values():
+    for (_, _, method), places in alike.items():
         for at, own in zip(
             places, distinctions([with_seed(entries[at].spec) for at in places], labelled=False), strict=True
         ):
-            words[at] = own
+            words[at] = own if _dashed(method) in _dashed(entries[at].path.stem) else with_words(method, own)
     return words
+
+
+def _dashed(label: str) -> str:
+    """A label as names of artefacts have it."""
+    return re.sub(r"[^A-Za-z0-9.]+", "-", label)
 
 
 def _row(entry: Description) -> dict[str, Any]:
