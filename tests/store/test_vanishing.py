@@ -16,7 +16,7 @@ from qinit_store.catalog import Store
 from qinit_store.errors import Damaged, NotFound, Refused, SystemFailed, TooNew
 from qinit_store.folder import part_paths, work_folder
 from qinit_store.reading import open_artefact
-from qinit_store.verify import _examined
+from qinit_store.verify import OPENING, _examined
 from qinit_store.work import open_work
 
 
@@ -217,7 +217,7 @@ def test_a_part_of_a_later_version_is_not_set_aside(path):
 def test_verification_that_could_not_read_is_no_damage(path, broken):
     make_sources(path, schema=LIGHT)
     broken(errno.EIO, 5)
-    verdict = _examined(path)
+    verdict = _examined(path, OPENING)
     assert (verdict.state, verdict.damaged) == ("unread", ())
     with pytest.raises(SystemFailed, match="Input/output error"):
         verdict.raise_if_damaged()
