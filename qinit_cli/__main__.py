@@ -9,6 +9,10 @@ import sys
 def main() -> None:
     """Runs the command line and exits with its code."""
     _leave_the_current_folder()
+    import signal
+
+    for number in (signal.SIGINT, signal.SIGTERM):  # while what knows better is imported
+        signal.signal(number, lambda number, frame: os._exit(128 + number))
     from qinit_cli import signals
 
     signals.install()
