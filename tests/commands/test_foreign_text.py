@@ -102,7 +102,10 @@ def test_a_configuration_s_keys_and_values_are_only_read(here: Run, tmp_path: Pa
         _check(here("config", "--origin", "--format", format))
 
 
-def test_a_name_with_brackets_is_shown_whole(here: Run, store: Path, controlling_run: Path) -> None:
+def test_a_name_with_brackets_is_shown_whole(
+    here: Run, store: Path, controlling_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")  # else the name is folded beside what it differs in
     shown = here("list", "--store", store, "--format", "table", "--name", "run").out
     assert r"run[old]\x1b[2J\u202e\n$_{x}$" in "".join(shown.split())
     assert (
