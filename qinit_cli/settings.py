@@ -177,10 +177,13 @@ def _method(told: Any, tuned: Iterable[str] = ()) -> None:
     if "update" in settings:
         update = _of(settings.pop("update"), "the update", {"min_visits": int})
         _at_least(update, min_visits=1)
-    if isinstance(start := settings.get("init"), dict):
-        settings["init"], own = _named(start, "what the method starts from")
-        if settings["init"] in METHODS:
-            built(METHODS[settings["init"]], own, f"the method {settings['init']}")
+    if isinstance(start := settings.pop("init", None), dict):
+        first, own = _named(start, "what the method starts from")
+        if first in METHODS:  # else a plug-in's that is not installed: the rest is checked without it
+            built(METHODS[first], own, f"the method {first}")
+            settings["init"] = first
+    elif start is not None:
+        settings["init"] = start
     if name not in METHODS:
         return
     method = built(METHODS[name], settings, f"the method {name}")
