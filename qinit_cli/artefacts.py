@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from qinit_cli import settings
+from qinit_cli.elementary import exp, ln
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
@@ -249,7 +250,7 @@ def _check_moments(artefact: Artefact) -> None:
         tables[name][known] for name in (*COUNTED["n"], *ESTIMATED)
     )
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        low, high = np.log(least), np.log(most)
+        low, high = ln(least), ln(most)
         slack = SLACK * (1 + np.abs(high))
         within = {
             "mean": (least <= mean * (1 + SLACK)) & (mean <= most * (1 + SLACK)),
@@ -258,8 +259,8 @@ def _check_moments(artefact: Artefact) -> None:
             "sigma": sigma <= high - low + slack,
         }
         if artefact.spec["estimator"] == "mle":
-            within["lognormal_median"] = np.isclose(median, np.exp(mu), rtol=SLACK, atol=LEAST)
-            within["lognormal_mean"] = np.isclose(average, np.exp(mu + sigma**2 / 2), rtol=SLACK, atol=LEAST)
+            within["lognormal_median"] = np.isclose(median, exp(mu), rtol=SLACK, atol=LEAST)
+            within["lognormal_mean"] = np.isclose(average, exp(mu + sigma**2 / 2), rtol=SLACK, atol=LEAST)
     for name, fits in within.items():
         if not fits.all():
             raise ValueError(f"{name} contradicts the other statistics of the fit")

@@ -148,8 +148,8 @@ def test_records_evaluation_and_no_policies_change_no_bit_of_what_is_learned() -
 class StoppedAtOnce(Watch):
     """Says stop as soon as something was learned."""
 
-    def add(self, steps: int) -> None:
-        super().add(steps)
+    def add(self, steps: int, tasks: float = 0.0, finished: int = 0) -> None:
+        super().add(steps, tasks, finished)
         self.stop()
 
 
