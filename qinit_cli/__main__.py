@@ -14,13 +14,13 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):  # while what knows better is imported
         signal.signal(number, lambda number, frame: os._exit(128 + number))
     from qinit_cli import signals
-
-    signals.install()
-    from qinit_cli import streams
     from qinit_cli.errors import Interrupted
 
-    streams.prepare()
     try:
+        signals.install()
+        from qinit_cli import streams
+
+        streams.prepare()
         from qinit_cli.app import run
 
         code = run(sys.argv[1:])

@@ -3,8 +3,8 @@
 Nothing that is saved can be harmed by ending at once (the store's protocol), so that is safe everywhere else.
 
 The handler raises Interrupted. Our own code lets it through, but modules that are being imported turn it into an ImportError
-or ignore it, as destructors and callbacks of C code do. The process therefore ends at once during an import, once Python reports
-that it ignored the exception, and after some seconds in which the exception has not ended it.
+or ignore it, as destructors and callbacks of C code do. It is therefore raised when an import has ended, and the process ends
+once Python reports that it ignored the exception, and after some seconds in which the exception has not ended it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -21,6 +22,7 @@ from qinit_cli.errors import Interrupted
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 PATIENCE = 5.0  # seconds in which Interrupted is to end the process: threads are joined, pictures' temporary files removed
+LOOK = 0.02  # seconds between two looks whether an import has ended
 IMPORTING = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
 SHOW_CURSOR = b"\x1b[?25h"
 
@@ -43,6 +45,8 @@ def end_from_now_on() -> None:
     """From now on both signals end the process at once: while it ends, no code handles exceptions any more."""
     for number in ENDING:
         signal.signal(number, _end)
+    if _received:
+        signal.signal(signal.SIGALRM, lambda *_: _end(_received[0]))
 
 
 def exit_code() -> int | None:
@@ -71,11 +75,23 @@ def asking_first(stop: Callable[[], None]) -> Iterator[list[int]]:
 
 def _end_soon(number: int, frame: FrameType | None) -> None:
     _received.append(number)
-    if len(_received) > 1 or _importing():
+    if len(_received) > 1:
         _end(number)
+    _end_by(number, time.monotonic() + PATIENCE)
+
+
+def _end_by(number: int, deadline: float) -> None:
+    """Raises Interrupted, after the import at work if there is one; what still runs at the deadline is ended there."""
+    left = deadline - time.monotonic()
+    if left <= 0.0:
+        _end(number)
+    if _importing():
+        signal.signal(signal.SIGALRM, lambda *_: _end_by(number, deadline))
+        signal.setitimer(signal.ITIMER_REAL, LOOK)
+        return
     signal.signal(signal.SIGALRM, lambda *_: _end(number))
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
-    exit_at_once(number, frame)
+    signal.setitimer(signal.ITIMER_REAL, left)
+    raise Interrupted("", 128 + number)
 
 
 def _importing() -> bool:

@@ -46,7 +46,7 @@ def test_a_thousand_signals_in_the_first_two_seconds(
 PROGRAM = """
 import os, signal, sys, time
 from qinit_cli import signals
-signals.PATIENCE = 0.2
+signals.PATIENCE, signals.LOOK = 1.0, 0.3
 signals.install()
 def ask():
     os.kill(os.getpid(), signal.SIGTERM)
@@ -54,21 +54,39 @@ def ask():
 time.sleep(60)
 """
 SWALLOWING = {
-    "an import": "sys.path.insert(0, sys.argv[1])\nimport asking",
+    "an endless import": "sys.path.insert(0, sys.argv[1])\nimport endless",
     "a destructor": "class Asks:\n    def __del__(self): ask()\nAsks()",
     "whoever catches everything": "try:\n    ask()\nexcept BaseException: pass",
 }
+AFTERWARDS = """sys.path.insert(0, sys.argv[1])
+try:
+    import asking
+    print("imported", flush=True)
+    time.sleep(60)
+except signals.Interrupted:
+    sys.exit(signals.exit_code())
+"""
 
 
-@pytest.mark.parametrize("where", SWALLOWING)
-def test_a_signal_that_is_swallowed_ends_the_process_all_the_same(where: str, tmp_path: Path) -> None:
-    (tmp_path / "asking.py").write_text(
+def _ended(program: str, folder: Path) -> tuple[int, str, str]:
+    """What becomes of a program beside two modules that ask for a signal while they are imported."""
+    (folder / "asking.py").write_text(
         "import __main__\ntry:\n    __main__.ask()\nexcept BaseException:\n    raise ImportError\n"
     )
+    (folder / "endless.py").write_text("import __main__, time\n__main__.ask()\ntime.sleep(60)\n")
     ended = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(SWALLOWING[where]), str(tmp_path)],
+        [sys.executable, "-c", PROGRAM.format(program), str(folder)],
         capture_output=True,
         text=True,
         timeout=50,
     )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (143, "", "")
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+@pytest.mark.parametrize("where", SWALLOWING)
+def test_a_signal_that_is_swallowed_ends_the_process_all_the_same(where: str, tmp_path: Path) -> None:
+    assert _ended(SWALLOWING[where], tmp_path) == (143, "", "")
+
+
+def test_a_signal_during_an_import_is_raised_after_it(tmp_path: Path) -> None:
+    assert _ended(AFTERWARDS, tmp_path) == (143, "imported\n", "")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
+import sys
 from typing import Any
 
 import pytest
 
+from qinit_cli import workforce
 from qinit_cli.commands import messages
 from qinit_cli.commands.groups import Display
 from qinit_cli.watch import Watch
@@ -17,7 +20,8 @@ Q_LEARNING = (*LEARN, "--episodes", 20_000)
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line at each look."""
+    """A line at each look, and a look every millisecond."""
+    monkeypatch.setattr(workforce, "TICK", 0.001)
     for name in ("FIRST_LINE", "PLAIN_INTERVAL", "ETA_AFTER"):
         monkeypatch.setattr(messages, name, 0.0)
 
@@ -68,6 +72,25 @@ def test_the_first_line_comes_after_some_seconds_then_one_in_thirty(
     # a tenth of a task a second: twenty take 200 s
     assert said[0][1] == "sources: 10 of 30 tasks, 1.0 M steps/s, 3:15 left\n"
     assert said[2][1] == "sources: 10 of 30 tasks, 1.0 M steps/s, 2:15 left\n"
+
+
+def test_the_bar_of_a_terminal_shows_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(messages.time, "monotonic", lambda: now)
+    monkeypatch.setattr(sys, "stderr", _Terminal())
+    watch = Watch()
+    with messages.Progress(Display(), "sources", 10, 30, watch) as progress:
+        now = 102.0
+        watch.add(steps=4_000_000, tasks=5.0, finished=5)  # five of twenty in 2 s: the rest takes 6 s
+        progress.tick()
+    shown = sys.stderr.getvalue()
+    for told in ("15/30", "2.0 M steps/s", "0:06 left"):
+        assert told in shown
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
 
 @pytest.mark.parametrize(
