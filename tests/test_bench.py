@@ -15,7 +15,7 @@ from qinit_cli.benchmarks import plain_c, plain_loops, table_races
 from qinit_cli.benchmarks.race import Race, Runner, results
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
-from qinit_cli.stages import fit as stage
+from qinit_cli.pipeline import fit as stage
 
 Run = Callable[..., Any]
 

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli import specs
+from qinit_cli.artefacts import specs
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit, FitOptions
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
+from qinit_cli.pipeline.fit import Selection, fit
+from qinit_cli.pipeline.sources import SourceTasks, learn_sources
+from qinit_cli.pipeline.transfer import TargetTasks, learn_targets, statics
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.fit import Selection, fit
-from qinit_cli.stages.sources import SourceTasks, learn_sources
-from qinit_cli.stages.transfer import TargetTasks, learn_targets, statics
 from qinit_cli.watch import Watch
 from qinit_store.reading import open_artefact
 from qinit_store.schema import Axis, run_schema

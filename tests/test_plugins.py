@@ -176,7 +176,7 @@ from qinit_cli.watch import Watch
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.sources import sequences
+from qinit_cli.pipeline.sources import sequences
 
 family, some = FAMILIES["corridor"](length=9), np.arange(3)
 tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, some)

@@ -17,8 +17,8 @@ from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.kernels.batch import Chance, Records, Start, learn
 from qinit_cli.kernels.dice import Words, lane_seeds, seeds
 from qinit_cli.learning import Learning
+from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream, sequence
-from qinit_cli.stages.sources import sequences
 from qinit_cli.watch import Watch
 
 SOURCE_BINS = 100  # of the learning curve, as train-sources has it

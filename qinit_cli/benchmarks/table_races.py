@@ -14,8 +14,8 @@ from qinit_cli.benchmarks.race import Race, Runner
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
+from qinit_cli.pipeline import fit as stage
 from qinit_cli.seeding import Stream
-from qinit_cli.stages import fit as stage
 
 TASKS = 100  # that are fitted
 TARGETS, METRICS = 200, 5  # that are compared: the paper's targets, and what a row of compare averages

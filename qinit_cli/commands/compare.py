@@ -17,8 +17,8 @@ from qinit_store.wording import shell_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.runs import Run
-    from qinit_cli.stages.compare import Comparison
+    from qinit_cli.comparison.rows import Comparison
+    from qinit_cli.comparison.runs import Run
 
 SCHEMA = "qinit.compare/1"
 
@@ -70,7 +70,7 @@ def compare(
     """Prints one table per set of shared targets."""
     from qinit_cli.commands import comparison_tables as tables
     from qinit_cli.commands.tables import print_table
-    from qinit_cli.stages import compare as stage
+    from qinit_cli.comparison import rows as stage
 
     metric, baseline = comparing.metric, comparing.baseline
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
@@ -139,9 +139,9 @@ def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: 
 
 def read_runs(references: list[str], store: str) -> list[Run]:
     """The runs that the references name, verified; each once, those of one file name told apart by their folders."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references as named
-    from qinit_cli.runs import Run
+    from qinit_cli.comparison.runs import Run
 
     found: dict[str, tuple[Path, Run]] = {}
     for path in named.many(references, store):

@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.tables import TableColumn
-from qinit_cli.distinctions import separator
+from qinit_cli.comparison.distinctions import separator
 from qinit_cli.errors import UsageError
 from qinit_cli.nearest import nearest
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
-    from qinit_cli.stages.compare import Comparison, Row
-    from qinit_cli.stages.estimates import Estimate
+    from qinit_cli.comparison.estimates import Estimate
+    from qinit_cli.comparison.rows import Comparison, Row
 
 MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
 NAMED = ("targets", "sets", "method")  # what a row is of

@@ -71,7 +71,7 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
 def _jobs(work: Work) -> int:
     if work.dask is None:
         return work.threads
-    from qinit_cli import cluster
+    from qinit_cli.pipeline import cluster
 
     return cluster.threads(work.dask)
 

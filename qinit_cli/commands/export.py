@@ -21,7 +21,7 @@ from qinit_cli.nearest import nearest
 from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:
-    from qinit_cli.stages.long_tables import Field
+    from qinit_cli.artefacts.long_tables import Field
     from qinit_store.reading import Artefact
 
 Format = Literal["csv", "parquet", "npz", "json"]
@@ -164,7 +164,7 @@ def _write_text(
 
 def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_formats.Opened, imported late
     """What gives the artefacts one by one, each open until the next is asked for."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
 
     def opened() -> Iterator[Artefact]:
         for path in paths:
@@ -176,7 +176,7 @@ def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_format
 
 def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | None, list[Field]]:
     """The table and its columns; NotAllowed where the artefacts do not share them, UsageError where no kind has it."""
-    from qinit_cli.stages import long_tables
+    from qinit_cli.artefacts import long_tables
 
     _check_known(what)
     if format not in LONG:
@@ -205,7 +205,7 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
 
 
 def _check_known(what: str | None) -> None:
-    from qinit_cli.stages.long_tables import TABLES
+    from qinit_cli.artefacts.long_tables import TABLES
 
     names = [name for tables in TABLES.values() for name in tables]
     if what is not None and what not in names:

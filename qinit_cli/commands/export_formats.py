@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
+from qinit_cli.artefacts.long_tables import Field, rows
+from qinit_cli.artefacts.named_arrays import NamedArray, arrays
 from qinit_cli.commands.cells import separated
 from qinit_cli.errors import UsageError
-from qinit_cli.stages.long_tables import Field, rows
-from qinit_cli.stages.named_arrays import NamedArray, arrays
 
 if TYPE_CHECKING:
     from qinit_store.reading import Artefact

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags
     from qinit_cli.commands.making import Bar, Made
     from qinit_cli.environments import Family
-    from qinit_cli.stages.fit import Selection
+    from qinit_cli.pipeline.fit import Selection
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Schema
 
@@ -43,13 +43,13 @@ def add_to(app: typer.Typer) -> None:
 
 def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, display: Display) -> None:
     """Fits the sources, publishes the fit and prints its path."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.fit_findings import findings
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.making import provenance, say_result, target_path, warn
-    from qinit_cli.stages.degenerate import of_fit
-    from qinit_cli.stages.fit_findings import findings
+    from qinit_cli.pipeline.degenerate import of_fit
 
     path = references.one(sources, output.store, "scipy.special")
     if output.dry_run:
@@ -87,7 +87,7 @@ class Asked:
 
 def place(path: Path, fitting: FitOptions, output: Output) -> tuple[Path, dict[str, Any]]:
     """Where the fit of the sources at `path` goes, and its spec."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands.making import target_path
 
     with open_artefact(path, "sources") as source:
@@ -105,9 +105,9 @@ def make_fit(
     bar: Bar = Progress,
 ) -> tuple[Made, dict[str, Any], Asked]:
     """The fit of the sources at `path`, made if need be, with its arrays by name; `origin` is its provenance."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.specs import plug_ins
     from qinit_cli.commands.making import Made, Tally, target_path
-    from qinit_cli.specs import plug_ins
     from qinit_cli.watch import Watch
     from qinit_store.reading import describe
     from qinit_store.work import open_work
@@ -144,7 +144,7 @@ def make_fit(
 def _asked(source: Artefact, fitting: FitOptions) -> Asked:
     """What a fit of these sources is; NotAllowed where they are target tasks, or too few."""
     from qinit_cli.environments import family_of
-    from qinit_cli.stages import fit as stage
+    from qinit_cli.pipeline import fit as stage
 
     # artefacts of the first version have no role: there were no others
     if source.spec.get("role", "source") != "source":
@@ -165,7 +165,7 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
 
 def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
     """The fit's spec; the starts that are judged are those of the methods there are."""
-    from qinit_cli import specs
+    from qinit_cli.artefacts import specs
     from qinit_cli.methods.plus import initialisations
 
     spec = specs.fit(source.spec, [source.content_sha256], fitting)
@@ -174,7 +174,7 @@ def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
 
 def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
     """The fit's layout, over the sources' own axes: looking at an environment again would need its module."""
-    from qinit_cli.stages.fit_statistics import contents
+    from qinit_cli.pipeline.fit_statistics import contents
     from qinit_store.fit_statistics import fit_statistics
     from qinit_store.schema import fit_schema
 
@@ -192,8 +192,8 @@ def _axes(source: Artefact) -> list[Axis]:
 def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progress) -> dict[str, Any]:
     """All that the fit holds, by name; `progress` counts the sources as they are read."""
     from qinit_cli.fitted import Fit
-    from qinit_cli.stages import fit as stage
-    from qinit_cli.stages import fit_statistics
+    from qinit_cli.pipeline import fit as stage
+    from qinit_cli.pipeline import fit_statistics
 
     family, selection, held = asked.family, asked.selection, asked.held
     origin = fit_statistics.Origin(family, float(source.spec["learning"]["gamma"]), int(source.spec["seed"]))
@@ -212,7 +212,7 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
 
 def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
     """The tasks from the `first` on, in blocks."""
-    from qinit_cli.stages.fit import BLOCK
+    from qinit_cli.pipeline.fit import BLOCK
 
     for start in range(first, source.task_count, BLOCK):
         yield source.rows(start, min(start + BLOCK, source.task_count))
@@ -222,7 +222,7 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
     """Which sources are fitted; NotAllowed where they are too few. Read ahead: verified once all rows have been read."""
     import numpy as np
 
-    from qinit_cli.stages.fit import select
+    from qinit_cli.pipeline.fit import select
 
     columns = family.parameters()
     tasks = np.empty(source.task_count, [(column.name, column.dtype) for column in columns])

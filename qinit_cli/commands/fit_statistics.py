@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qinit_cli.stages.fit_findings import Findings
+    from qinit_cli.artefacts.fit_findings import Findings
 
 MINUS = "\N{MINUS SIGN}"
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.commands.making import Made, Plan
-    from qinit_cli.stages.knowledge import Knowledge
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.transfer import TargetTasks
     from qinit_store.work import Work as StoreWork
 
 MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
@@ -150,8 +150,8 @@ def _update(
 ) -> None:
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result, warn
-    from qinit_cli.stages.degenerate import of_targets
-    from qinit_cli.stages.knowledge import Knowledge
+    from qinit_cli.pipeline.degenerate import of_targets
+    from qinit_cli.pipeline.knowledge import Knowledge
 
     if method.privileged or not method.reads_moments:
         raise UsageError(
@@ -188,7 +188,7 @@ def _update(
 
 def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitted: Knowledge) -> Plan:
     """The run of so many targets, each started from what is known by then."""
-    from qinit_cli.stages.lifelong import Lifetime
+    from qinit_cli.pipeline.lifelong import Lifetime
 
     lifetime = Lifetime(method, targets, fitted.fit, living.visits)
     plain = plan_of(method, targets, lifetime.initial, count, fitted, [])
@@ -204,9 +204,9 @@ def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitt
 
 def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.pipeline.lifelong import Known, log_std
     from qinit_cli.report.numbers import counted
-    from qinit_cli.stages.lifelong import Known, log_std
 
     with open_artefact(made.path, "run") as artefact:
         added, spread = artefact.read("added"), artefact.read("log_std")

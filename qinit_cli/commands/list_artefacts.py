@@ -61,7 +61,7 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
-    from qinit_cli.artefacts import described
+    from qinit_cli.artefacts.opening import described
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
@@ -110,7 +110,7 @@ def _seeds(there: Sequence[Description]) -> dict[str, Any]:
 def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> list[str]:
     """The settings in which each differs from the others of its kind, family and method, which stands before them unless the
     artefact's name has it."""
-    from qinit_cli.distinctions import distinctions, with_words
+    from qinit_cli.comparison.distinctions import distinctions, with_words
 
     def with_seed(spec: Mapping[str, Any]) -> Mapping[str, Any]:
         sources = spec.get("source_set", {})

@@ -24,8 +24,8 @@ from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
+    from qinit_cli.pipeline.workers import Crew, Learn
     from qinit_cli.watch import Watch
-    from qinit_cli.workforce import Crew, Learn
     from qinit_store.schema import Schema
     from qinit_store.work import Work as StoreWork
 
@@ -152,7 +152,7 @@ def provenance(
 
     Also which plug-ins had a part in what was read, or have one in what the `spec` names.
     """
-    from qinit_cli.specs import plug_ins
+    from qinit_cli.artefacts.specs import plug_ins
 
     words = command or sys.argv[1:]
     typed = [str(read) if argument == "-" and read is not None else argument for argument in words]
@@ -188,7 +188,7 @@ def plug_ins_behind(path: Path) -> dict[str, str]:
 
 def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output, display: Display) -> None:
     """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_store.catalog import Store
     from qinit_store.errors import Damaged, Refused
 
@@ -253,11 +253,11 @@ def _learn_missing(
 def _crew(plan: Plan, work: Work, watch: Watch) -> AbstractContextManager[Crew]:
     """Who learns: the cluster that was named, else threads of this process."""
     if work.dask is not None:
-        from qinit_cli import cluster
         from qinit_cli.environments.modules import travelling
+        from qinit_cli.pipeline import cluster
 
         return cluster.crew(work.dask, travelling(plan.learn), watch, plan.schema)
-    from qinit_cli.workforce import threads_here
+    from qinit_cli.pipeline.workers import threads_here
 
     return threads_here(work.threads, plan.learn, watch)
 

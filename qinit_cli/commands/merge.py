@@ -31,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
 
 def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     """Joins the shares, and prints the path of the whole."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.making import plug_ins_behind, provenance
     from qinit_cli.commands.rewriting import say_written

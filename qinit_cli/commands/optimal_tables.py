@@ -14,7 +14,7 @@ from qinit_cli.learning import Learning
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.commands.making import Bar
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.transfer import TargetTasks
 
 
 @dataclass
@@ -51,10 +51,10 @@ class OptimalTables:
         return q
 
     def _learned(self) -> Floats:
-        from qinit_cli.artefacts import open_artefact
+        from qinit_cli.artefacts.opening import open_artefact
         from qinit_cli.commands.making import make
         from qinit_cli.commands.train_sources import plan_of
-        from qinit_cli.stages.sources import SourceTasks
+        from qinit_cli.pipeline.sources import SourceTasks
 
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")

@@ -66,7 +66,7 @@ def check_room(size: Footprint, count: int, where: Path, threads: int | None) ->
 
 def check_memory(size: Footprint, count: int, threads: int) -> None:
     """SystemFailed where what is learned at once, and what is kept of each task, does not fit into memory."""
-    from qinit_cli.workforce import BATCH
+    from qinit_cli.pipeline.workers import BATCH
 
     needed = min(count, threads * BATCH) * (size.task + size.learning) + count * KEPT_OF_A_TASK
     if needed > (there := memory_available()):

@@ -24,7 +24,7 @@ def add_to(app: typer.Typer) -> None:
 
 def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     """Writes what holds, and prints its path."""
-    from qinit_cli.artefacts import open_doubtful
+    from qinit_cli.artefacts.opening import open_doubtful
     from qinit_cli.commands import references
     from qinit_cli.commands.making import provenance
     from qinit_cli.commands.rewriting import say_written

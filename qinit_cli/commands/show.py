@@ -15,7 +15,7 @@ from qinit_cli.commands.messages import console
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from qinit_cli.stages.show import Shown
+    from qinit_cli.artefacts.show import Shown
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis
 
@@ -38,11 +38,11 @@ def add_to(app: typer.Typer) -> None:
 
 def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts import show as stage
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
-    from qinit_cli.stages import show as stage
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
         shown = stage.show(opened)
@@ -159,11 +159,11 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
 
 def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
+    from qinit_cli.artefacts.show import SMOOTH
     from qinit_cli.figures.terminal.curve import curve
     from qinit_cli.figures.terminal.heatmap import MapAxis, heatmap
     from qinit_cli.figures.terminal.histogram import histogram
     from qinit_cli.figures.terminal.sheet import Sheet
-    from qinit_cli.stages.show import SMOOTH
 
     sheet = Sheet.of(terminal)
     match kind:

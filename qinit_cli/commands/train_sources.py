@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Flags, Floats, Integers
     from qinit_cli.commands.making import Made, Plan
-    from qinit_cli.stages.sources import SourceTasks
+    from qinit_cli.pipeline.sources import SourceTasks
 
 ERROR_TASKS = 1_000  # the summary's error against exact tables is taken over at most this many
 
@@ -125,7 +125,7 @@ def train_sources(
 
 def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     """The tasks that are asked for; UsageError where the family cannot be learned so."""
-    from qinit_cli.stages.sources import SourceTasks
+    from qinit_cli.pipeline.sources import SourceTasks
 
     if sources.learner == "exact" and not family.tabular:
         raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
@@ -137,9 +137,9 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:
     """The artefact that holds these tasks, learned to the end."""
-    from qinit_cli import specs
+    from qinit_cli.artefacts import specs
     from qinit_cli.commands.making import Plan
-    from qinit_cli.stages.sources import learn_sources
+    from qinit_cli.pipeline.sources import learn_sources
 
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
@@ -154,7 +154,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
 
 
 def _schema(tasks: SourceTasks) -> Any:
-    from qinit_cli.artefacts import action_axis
+    from qinit_cli.artefacts.opening import action_axis
     from qinit_store.schema import sources_schema
 
     return sources_schema(
@@ -165,9 +165,9 @@ def _schema(tasks: SourceTasks) -> Any:
 def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
     """What was learned and how well, and what makes it worth little; the errors also go into the tally."""
     from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.pipeline.degenerate import SourcesLearned, of_sources
     from qinit_cli.report.numbers import counted
     from qinit_cli.seeding import Stream
-    from qinit_cli.stages.degenerate import SourcesLearned, of_sources
 
     tally = made.tally
     found = _learned(made.path, tasks)
@@ -250,10 +250,10 @@ class _Learned:
 def _learned(path: Path, tasks: SourceTasks) -> _Learned:
     import numpy as np
 
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.pipeline.sources import relative_error
     from qinit_cli.seeding import Stream
-    from qinit_cli.stages.sources import relative_error
 
     family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
     entries = math.prod(family.shape) * len(family.actions)

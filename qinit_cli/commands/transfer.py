@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags
     from qinit_cli.commands.making import Made, Plan, Tally
     from qinit_cli.fitted import Fit
-    from qinit_cli.stages.degenerate import TargetsLearned
-    from qinit_cli.stages.knowledge import Knowledge
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.degenerate import TargetsLearned
+    from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.transfer import TargetTasks
 
 EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
@@ -99,9 +99,9 @@ class Tuned:
         """The method with what was chosen, and the choice as an input; UsageError where both say something."""
         if self.tuned is None:
             return method, []
-        from qinit_cli.artefacts import open_artefact
+        from qinit_cli.artefacts.opening import open_artefact
         from qinit_cli.commands import references
-        from qinit_cli.stages.tuning import settings
+        from qinit_cli.pipeline.tuning import settings
 
         with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
             name = artefact.spec["method"]["name"]
@@ -189,8 +189,8 @@ def transfer(
     from qinit_cli.commands.making import make, say_result, warn
     from qinit_cli.commands.optimal_tables import OptimalTables
     from qinit_cli.commands.room import Footprint, check_memory
-    from qinit_cli.stages.degenerate import of_targets
-    from qinit_cli.stages.knowledge import Knowledge
+    from qinit_cli.pipeline.degenerate import of_targets
+    from qinit_cli.pipeline.knowledge import Knowledge
 
     known = Knowledge.read(references.one(fit, output.store, references.LEARNING))
     method, choice = tuned.applied(method, output.store, known.family)
@@ -223,7 +223,7 @@ def transfer(
 def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
     """The target tasks that are asked for, given the spec of a fit, and how many; NotAllowed where no run could hold them."""
     from qinit_cli.commands.room import Footprint, check_artefact
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.transfer import TargetTasks
 
     sources = fitted["sources"]
     family = learning.family(family_of(sources))
@@ -263,9 +263,9 @@ def plan_of(
     more: list[dict[str, str]],
 ) -> Plan:
     """The run of so many targets from what the method starts them with; `more` are inputs beside the fit."""
-    from qinit_cli import specs
+    from qinit_cli.artefacts import specs
     from qinit_cli.commands.making import Plan
-    from qinit_cli.stages.transfer import learn_targets, statics
+    from qinit_cli.pipeline.transfer import learn_targets, statics
 
     inputs = [known.given, *more]
     return Plan(
@@ -334,7 +334,7 @@ def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> N
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
-    from qinit_cli.artefacts import action_axis
+    from qinit_cli.artefacts.opening import action_axis
     from qinit_store.schema import run_schema
 
     family = targets.family
@@ -358,8 +358,8 @@ def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
     """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
     import numpy as np
 
-    from qinit_cli.artefacts import open_artefact
-    from qinit_cli.stages.degenerate import TargetsLearned
+    from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.pipeline.degenerate import TargetsLearned
 
     with open_artefact(made.path, "run") as artefact:
         episodes = artefact.read("reached")

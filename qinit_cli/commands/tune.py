@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.commands.making import Made, Plan
-    from qinit_cli.stages.tuning import Candidate, Choice, Grid, Rehearsal
+    from qinit_cli.pipeline.tuning import Candidate, Choice, Grid, Rehearsal
     from qinit_store.reading import Artefact
 
 SCHEMA = "qinit.tune/1"
@@ -109,10 +109,10 @@ def tune(
     display: Display,
 ) -> None:
     """Tries every combination on the sources, keeps how each fared, and prints it."""
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.making import make
-    from qinit_cli.stages.tuning import Choice
+    from qinit_cli.pipeline.tuning import Choice
 
     path = references.one(sources, keeping.store, references.LEARNING)
     method, values = _asked(kind, grid, several, fixed)
@@ -143,7 +143,7 @@ CAPTION = "95 % bootstrap intervals over the sources, uncorrected; the largest o
 
 def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Method, Grid]:
     """The method as it is where nothing varies, and the values to try of what does, in the order of its options."""
-    from qinit_cli.stages.tuning import with_parameters
+    from qinit_cli.pipeline.tuning import with_parameters
 
     typed = {name: _values(name, text) for name, text in asdict(several).items()}
     alone = {name: values[0] for name, values in typed.items() if len(values) == 1}
@@ -157,7 +157,7 @@ def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Met
 
 
 def _candidates(method: Method, values: Grid) -> list[Method]:
-    from qinit_cli.stages.tuning import candidates, with_parameters
+    from qinit_cli.pipeline.tuning import candidates, with_parameters
 
     try:
         typed = {
@@ -176,10 +176,10 @@ def _candidates(method: Method, values: Grid) -> list[Method]:
 
 def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
-    from qinit_cli import specs
+    from qinit_cli.artefacts import specs
     from qinit_cli.commands.making import Plan
     from qinit_cli.commands.transfer import learning_bytes
-    from qinit_cli.stages.tuning import parameters_of
+    from qinit_cli.pipeline.tuning import parameters_of
     from qinit_store.schema import tuning_schema
 
     family, tried = rehearsal.targets.family, rehearsal.candidates
@@ -231,12 +231,12 @@ def _rehearsal(source: Artefact, tried: list[Method], rehearsing: Rehearsing) ->
     """The learner, with a fit of all other sources for each fold."""
     import numpy as np
 
-    from qinit_cli.artefacts import family_in
+    from qinit_cli.artefacts.opening import family_in
     from qinit_cli.commands.fit import selection_of
     from qinit_cli.fitted import Fit, FitOptions
-    from qinit_cli.stages import fit as stage
-    from qinit_cli.stages.transfer import STAND_INS, TargetTasks
-    from qinit_cli.stages.tuning import FOLDS, Rehearsal, folds
+    from qinit_cli.pipeline import fit as stage
+    from qinit_cli.pipeline.transfer import STAND_INS, TargetTasks
+    from qinit_cli.pipeline.tuning import FOLDS, Rehearsal, folds
 
     family, fitting = family_in(source), FitOptions()
     selection = selection_of(source, family, fitting)

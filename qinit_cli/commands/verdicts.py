@@ -69,7 +69,7 @@ def verdicts(
     from qinit_cli.claims.verdict import SCHEMA
     from qinit_cli.commands import references
     from qinit_cli.commands.tables import print_table
-    from qinit_cli.stages import verdicts as stage
+    from qinit_cli.paper import verdicts as stage
 
     evidence = stage.evidence(opened(references.many(artefacts, reading.store)))
     if evidence.passed_over:
@@ -87,7 +87,7 @@ def verdicts(
 
 def opened(paths: list[Path]) -> Iterator[Artefact]:
     """The artefacts, one open at a time."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
 
     for path in paths:
         with open_artefact(path) as artefact:

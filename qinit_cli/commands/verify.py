@@ -12,7 +12,7 @@ from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Readin
 if TYPE_CHECKING:
     from qinit_store.verify import Verdict
 
-OPENING = "qinit_cli.artefacts:open_doubtful"
+OPENING = "qinit_cli.artefacts.opening:open_doubtful"
 
 
 def add_to(app: typer.Typer) -> None:

@@ -12,12 +12,12 @@ from qinit_cli.pictures.order import KINDS, of_kind, ordered
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
+    from qinit_cli.comparison.estimates import Estimate
+    from qinit_cli.comparison.rows import Comparison
+    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.scores import Metric
     from qinit_cli.figures.bars import Bars
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.runs import Run
-    from qinit_cli.stages.compare import Comparison
-    from qinit_cli.stages.estimates import Estimate
-    from qinit_cli.stages.scores import Metric
 
 
 def drawn(
@@ -33,12 +33,12 @@ def drawn(
 
     Groups in the order of the runs; `by_kind` two panels, as those of curves.
     """
+    from qinit_cli.comparison import rows as compare
+    from qinit_cli.comparison.source_sets import grouped
     from qinit_cli.figures import bars as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
     from qinit_cli.pictures.groups import families, group_names
-    from qinit_cli.stages import compare
-    from qinit_cli.stages.source_sets import grouped
 
     comparisons = compare.compare(runs, minus or "", metric)
     series = ordered(_series(comparisons, minus))

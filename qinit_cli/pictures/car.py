@@ -19,7 +19,7 @@ STEEPNESS = 3  # gravity pulls by cos(3 x), so the hill is as high as sin(3 x)
 
 def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn:
     """The world of Mountain Car sources: hill, start, goal, where the noise acts, its density and the tasks' pushes."""
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.environments.mountain_car import MountainCar
     from qinit_cli.figures import car as drawing
     from qinit_cli.figures.drawn import Drawn

@@ -14,11 +14,11 @@ from qinit_cli.pictures.order import KINDS, of_kind, ordered
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Floats
+    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.scores import Metric
+    from qinit_cli.comparison.source_sets import Entry, Group
     from qinit_cli.figures.curves import Curve, Panel
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.runs import Run
-    from qinit_cli.stages.scores import Metric
-    from qinit_cli.stages.source_sets import Entry, Group
 
 POINTS = 200  # along a curve: more than a column's width shows
 BAND_RESAMPLES = 2_000  # enough for the edge of a shaded band
@@ -41,11 +41,11 @@ def drawn(
     Runs that met only the first of the others' targets are drawn beside them and labelled so, as `optimal` where its tables
     are costly.
     """
+    from qinit_cli.comparison.source_sets import grouped
     from qinit_cli.figures import curves as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
     from qinit_cli.pictures.groups import families, group_names
-    from qinit_cli.stages.source_sets import grouped
 
     groups = grouped(runs)
     wholes = [group for group in groups if not any(_met_the_first(group, other) for other in groups)]
@@ -117,8 +117,8 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: st
     import numpy as np
 
     from qinit_cli.analysis import returns
+    from qinit_cli.comparison.scores import curve
     from qinit_cli.figures.curves import Curve
-    from qinit_cli.stages.scores import curve
 
     curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))

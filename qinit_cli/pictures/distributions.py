@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.distinctions import above_words, distinctions
+from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.pictures.names import distribution
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
 
     `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
     """
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_store.spec import canonical_json
 
     found: dict[str, Distribution] = {}

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from qinit_cli.distinctions import above_words, joined
+from qinit_cli.comparison.distinctions import above_words, joined
 from qinit_cli.environments import label_of
 from qinit_cli.pictures.names import distinct, shortened
 
 if TYPE_CHECKING:
-    from qinit_cli.stages.source_sets import Group
+    from qinit_cli.comparison.source_sets import Group
 
 
 def group_names(groups: Sequence[Group]) -> list[str]:
     """The distribution of each, above the settings that distinguish it from the others."""
-    from qinit_cli.stages.source_sets import told_of_groups
+    from qinit_cli.comparison.source_sets import told_of_groups
 
     runs = [group.any_run for group in groups]
     labels = [shortened(label_of(run.spec), run.spec["family"]["name"]) for run in runs]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qinit_cli.distinctions import above_words, distinctions
+from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import distinct, distribution, listed, number, place, sides

@@ -28,7 +28,7 @@ def drawn(
     path: Path, states: Sequence[str] | None = None, *, title: str | None = None, width: float = TEXT
 ) -> Drawn:
     """Q and ln Q of sources at `states`, such as "0,0"; None: the family's, the paper's three."""
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.figures import histograms as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qinit_cli.distinctions import distinctions, with_words
+from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import legible, listed
@@ -27,7 +27,7 @@ def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, widt
 
     What it was as fitted is that of the fit that the run names, in the store or beside it; a note says where that is missing.
     """
-    from qinit_cli.artefacts import describe
+    from qinit_cli.artefacts.opening import describe
     from qinit_cli.figures import lifetime as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
@@ -47,7 +47,7 @@ def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
     import numpy as np
 
     from qinit_cli.analysis import returns
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.environments import family_of
     from qinit_cli.figures.lifetime import Lived
 
@@ -65,8 +65,8 @@ def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
 
 def _as_fitted(run: Artefact, store: Store, notes: list[str]) -> float:
     """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
-    from qinit_cli.stages.knowledge import Knowledge
-    from qinit_cli.stages.lifelong import Known, log_std
+    from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.lifelong import Known, log_std
     from qinit_store.catalog import FOLDERS
 
     [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]

@@ -21,7 +21,7 @@ MINUS = "\N{MINUS SIGN}"
 
 def marked(label: str, method: str) -> str:
     """The label of a method's line, bar or panel, with what a reader must know of it."""
-    from qinit_cli.stages.compare import remark
+    from qinit_cli.comparison.rows import remark
 
     known = remark(method)
     return legible(f"{label} ({known})" if known else label)

@@ -25,7 +25,7 @@ def drawn(
     path: Path, of: str = "values", action: str = "greedy", *, title: str | None = None, width: float = TEXT
 ) -> Drawn:
     """The test of a fit's "values" or "lengths", at the "greedy" action of the largest mean or at "all"."""
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.figures import normality as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
@@ -86,8 +86,8 @@ def _words(artefact: Artefact, tested: list[Map], of: str) -> Words:
     """What the maps show, of how many tasks, and how many state-actions are rejected by each correction."""
     import numpy as np
 
+    from qinit_cli.artefacts.fit_findings import rejected
     from qinit_cli.figures.normality import Words
-    from qinit_cli.stages.fit_findings import rejected
 
     prefix = PREFIXES[of]
     [column] = [column for column in artefact.schema.columns if column.name == f"{prefix}_w"]

@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.distinctions import distinctions, with_words
+from qinit_cli.comparison.distinctions import distinctions, with_words
+from qinit_cli.comparison.source_sets import reads_no_sources
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
 from qinit_cli.pictures.names import marked
-from qinit_cli.stages.source_sets import reads_no_sources
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -96,8 +96,8 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
     """The start of each method, largest over the actions; those that the fit does not allow are noted, if anywhere."""
     import numpy as np
 
-    from qinit_cli.stages.knowledge import Knowledge
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.transfer import TargetTasks
 
     known = Knowledge.read(path)
     learning = known.family.target_learning
@@ -137,7 +137,7 @@ def _table(path: Path, quantity: str) -> Panels:
     """One table of the fit at the action of the largest mean, the first where several are, NaN where no source knows."""
     import numpy as np
 
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
 
     name = quantity.replace("-", "_")
     with open_artefact(path, "fit") as artefact:
@@ -162,7 +162,7 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
 
     What no source knows stands in its fit, which is looked for among `fits` and in the run's store; a note reports its absence.
     """
-    from qinit_cli.artefacts import family_in, open_artefact
+    from qinit_cli.artefacts.opening import family_in, open_artefact
 
     with open_artefact(path, "run") as artefact:
         fit, method = artefact.spec["inputs"][0], artefact.spec["method"]
@@ -187,7 +187,7 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
     """How many sources know each entry of the fit that a run started from, (S, A); 1 of each, and a note, where there is none."""
     import numpy as np
 
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_store.catalog import FOLDERS, NAME
     from qinit_store.reading import describe
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.distinctions import distinctions, with_words
+from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
@@ -51,7 +51,7 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
 
 def _read(path: Path) -> tuple[dict[str, Any], tuple[Integers, Floats, int]]:
     """What replicates of the run share, its moments (R,) and weights (T, R, K), and how many of its targets never froze."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
 
     with open_artefact(path, "run") as artefact:
         if "weight" not in {column.name for column in artefact.schema.columns}:

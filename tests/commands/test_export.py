@@ -20,8 +20,8 @@ import h5py
 import numpy as np
 import pytest
 
-from qinit_cli.stages import long_tables, named_arrays
-from qinit_cli.stages.long_tables import TABLES
+from qinit_cli.artefacts import long_tables, named_arrays
+from qinit_cli.artefacts.long_tables import TABLES
 from qinit_store.reading import open_artefact
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.stages import sources, transfer
+from qinit_cli.pipeline import sources, transfer
 from qinit_store.reading import open_artefact
 
 EXACT = ("train-sources", "gridworld", "--size", 4, "--learner", "exact", "--tasks", 8)

@@ -16,9 +16,9 @@ import h5py
 import numpy as np
 import pytest
 
-from qinit_cli import specs
+from qinit_cli.artefacts import specs
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.stages.sources import SourceTasks
+from qinit_cli.pipeline.sources import SourceTasks
 from qinit_store.schema import Axis, sources_schema
 from qinit_store.work import open_work
 

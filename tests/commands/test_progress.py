@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from qinit_cli import workforce
 from qinit_cli.commands import messages
 from qinit_cli.commands.groups import Display
+from qinit_cli.pipeline import workers as workforce
 from qinit_cli.watch import Watch
 
 LEARN = ("train-sources", "gridworld", "--size", 6, "--variance", 2, "--tasks", 24, "--jobs", 1)

@@ -12,7 +12,7 @@ import pytest
 from running import SMALL_SOURCES, Ended, Pipeline
 
 from qinit_cli.commands import room
-from qinit_cli.stages.sources import bin_sizes
+from qinit_cli.pipeline.sources import bin_sizes
 
 GRID = ("gridworld", "--size", "6", "--variance", "2")
 BILLION = 1_000_000_000

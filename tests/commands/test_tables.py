@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli.runs import Run
+from qinit_cli.comparison.runs import Run
 from qinit_store.reading import open_artefact
 
 Here = Callable[..., Any]

@@ -145,8 +145,8 @@ def test_an_observation_that_is_the_same_array_every_time_is_no_chance() -> None
 
 
 def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable[..., Any]) -> None:
-    from qinit_cli.runs import Run
-    from qinit_cli.stages.source_sets import grouped
+    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.source_sets import grouped
     from qinit_store.reading import open_artefact
 
     lake = ("--tasks", 2, "-q")

@@ -414,7 +414,7 @@ def test_a_name_longer_than_a_column_can_have_is_refused() -> None:
 
 
 def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..., Gym]) -> None:
-    from qinit_cli.artefacts import action_axis
+    from qinit_cli.artefacts.opening import action_axis
     from qinit_cli.environments.variation import Variation
     from qinit_store.schema import run_schema, sources_schema
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from qinit_cli.comparison.runs import Run
 from qinit_cli.figures.drawn import Drawn, PictureFile
 from qinit_cli.figures.style import house_style
 from qinit_cli.pictures import bars, curves, eopl, heatmaps, histograms, normality, occupancy
-from qinit_cli.runs import Run
 from qinit_store.reading import open_artefact
 
 Draw = Callable[..., Any]

@@ -17,8 +17,8 @@ from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.stepping import CUT, GOAL
 from qinit_cli.learning import Learning
+from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream
-from qinit_cli.stages.sources import sequences
 from qinit_cli.watch import Watch
 
 LAKE = Gym(env_id="FrozenLake-v1", vary=["success_rate=uniform:0.4,0.9"])

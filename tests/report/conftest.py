@@ -149,7 +149,7 @@ def _picture() -> str:
 
 def _compared(runs: list[Path]) -> dict[str, Any]:
     from qinit_cli.commands.compare import read_runs, told
-    from qinit_cli.stages.compare import compare
+    from qinit_cli.comparison.rows import compare
 
     return told(compare(read_runs([str(path) for path in runs], ""), "zero", "return"), "return")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 def described(paths: Iterable[Path]) -> dict[Path, dict[str, Any]]:
     """Each artefact once, the content hash of each checked."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
 
     found: dict[str, tuple[Path, dict[str, Any]]] = {}
     for path in paths:

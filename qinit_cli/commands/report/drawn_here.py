@@ -10,8 +10,8 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
+    from qinit_cli.comparison.runs import Run
     from qinit_cli.report.document import Material
-    from qinit_cli.runs import Run
 
 Described = dict[Path, dict[str, Any]]
 
@@ -51,10 +51,10 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
 
 def _tuned(path: Path) -> dict[str, Any]:
     """What choosing parameters found."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands.tune import row, sentences
     from qinit_cli.fields import flag
-    from qinit_cli.stages.tuning import Choice
+    from qinit_cli.pipeline.tuning import Choice
 
     with open_artefact(path, "tuning") as artefact:
         choice = Choice.of(artefact)
@@ -68,7 +68,7 @@ def _tuned(path: Path) -> dict[str, Any]:
 
 def _compared(runs: list[Run], baseline: str) -> dict[str, Any]:
     from qinit_cli.commands.compare import told
-    from qinit_cli.stages.compare import compare
+    from qinit_cli.comparison.rows import compare
 
     return told(compare(runs, baseline, "return"), "return")
 

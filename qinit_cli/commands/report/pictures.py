@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.distinctions import distinctions, joined, with_words
+from qinit_cli.comparison.distinctions import distinctions, joined, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 
 if TYPE_CHECKING:
+    from qinit_cli.comparison.runs import Run
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.report.content import Figure
-    from qinit_cli.runs import Run
 
 Described = dict[Path, dict[str, Any]]
 # what stands beneath a picture, the settings that tell it from others of its title, and what draws it
@@ -83,8 +83,8 @@ def _of_fits(fits: Described) -> Iterator[Planned]:
 
 
 def _of_runs(runs: list[Run]) -> Iterator[Planned]:
+    from qinit_cli.comparison.source_sets import grouped, told_of_groups
     from qinit_cli.pictures import bars, curves
-    from qinit_cli.stages.source_sets import grouped, told_of_groups
 
     families: dict[str, list[Run]] = {}
     groups = grouped(runs)

@@ -10,7 +10,7 @@ from typing import Any
 def judged(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """A verdict on each claim, as `qinit verdicts --format json` has it; [] where the artefacts tell of none."""
     from qinit_cli.commands.verdicts import opened
-    from qinit_cli.stages import verdicts
+    from qinit_cli.paper import verdicts
 
     found = verdicts.verdicts(verdicts.evidence(opened(list(paths))))
     # one claim needs no artefacts: it alone is no reason to speak of the paper

@@ -10,8 +10,8 @@ import typer
 
 from qinit_cli.commands.build import Group, add_command
 from qinit_cli.commands.groups import DISPLAY, Display, store_option
-from qinit_cli.experiments import TARGETS
 from qinit_cli.fields import check, option
+from qinit_cli.paper.experiments import TARGETS
 
 SHOWS = {
     "fig4": "Figure 4: heatmaps of what each initialisation starts from.",

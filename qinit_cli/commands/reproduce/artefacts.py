@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.reproduce.words import fit_command, run_command, sources_command
 from qinit_cli.errors import TasksFailed
-from qinit_cli.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.commands.making import Bar, Made, Plan
-    from qinit_cli.stages.knowledge import Knowledge
-    from qinit_cli.stages.transfer import TargetTasks
+    from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.transfer import TargetTasks
 
 
 def ordered(artefacts: Iterable[Artefact]) -> tuple[Artefact, ...]:
@@ -85,7 +85,7 @@ class Maker:
 
     def place(self, artefact: Artefact, paths: Mapping[Artefact, Path]) -> Place:
         """Where it belongs, given the `paths` of what it is made from, which must stand there."""
-        from qinit_cli import specs
+        from qinit_cli.artefacts import specs
         from qinit_cli.commands import fit as fitting
         from qinit_cli.commands.making import place, target_path
         from qinit_cli.commands.transfer import stem_of
@@ -142,7 +142,7 @@ class Maker:
         return make(replace(plan, command=command), self.output, self.work, self.display, bar)
 
     def _knowledge(self, fit: Path) -> Knowledge:
-        from qinit_cli.stages.knowledge import Knowledge
+        from qinit_cli.pipeline.knowledge import Knowledge
 
         if self._read is None or self._read.path != fit:
             self._read = Knowledge.read(fit)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__
-from qinit_cli.experiments import Artefact, Judgement, Picture, Run, Shown, Table
+from qinit_cli.paper.experiments import Artefact, Judgement, Picture, Run, Shown, Table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from qinit_cli.comparison.runs import Run as Read
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.runs import Run as Read
 
 NOT_JUDGED = "not judged"
 KEPT = 200  # runs: a megabyte each at the paper's size
@@ -64,7 +64,7 @@ class Drawing:
     def table(self, table: Table) -> dict[str, Any]:
         """What `qinit compare --format json` prints of these runs."""
         from qinit_cli.commands.compare import Comparing, told
-        from qinit_cli.stages import compare as stage
+        from qinit_cli.comparison import rows as stage
 
         comparing = Comparing()
 
@@ -76,7 +76,7 @@ class Drawing:
     def verdicts(self, judgement: Judgement) -> dict[str, Any]:
         """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
         from qinit_cli.commands.verdicts import opened, told
-        from qinit_cli.stages import verdicts as stage
+        from qinit_cli.paper import verdicts as stage
 
         paths = [self.paths[artefact] for artefact in judgement.artefacts]
         found = stage.verdicts(stage.evidence(opened(paths)))
@@ -84,8 +84,8 @@ class Drawing:
 
     def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
-        from qinit_cli.artefacts import open_artefact
-        from qinit_cli.runs import Run as Reader
+        from qinit_cli.artefacts.opening import open_artefact
+        from qinit_cli.comparison.runs import Run as Reader
 
         for artefact in artefacts:
             if isinstance(artefact, Run) and artefact not in self._runs:

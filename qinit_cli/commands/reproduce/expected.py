@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from qinit_cli.commands.reproduce.artefacts import sources_plan
-from qinit_cli.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family

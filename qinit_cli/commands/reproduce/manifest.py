@@ -106,7 +106,7 @@ def _told(there: Description, role: str) -> dict[str, Any]:
 
 def _kernel_seconds(there: Description) -> float | None:
     """What its tasks took to learn, as the artefact itself tells; None for a fit, which learns nothing."""
-    from qinit_cli.artefacts import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact
 
     if there.kind == "fit":
         return None

@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from qinit_cli import experiments
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import note, print_path
 from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
@@ -22,7 +21,8 @@ from qinit_cli.commands.reproduce.manifest import MANIFEST, STAGES, Spent, manif
 from qinit_cli.commands.reproduce.progress import Whole
 from qinit_cli.commands.reproduce.telling import KINDS, Ahead, say_spent
 from qinit_cli.errors import Interrupted
-from qinit_cli.experiments import Artefact, Fit, Judgement, Picture, Shown, Sources, Study, Table
+from qinit_cli.paper import experiments
+from qinit_cli.paper.experiments import Artefact, Fit, Judgement, Picture, Shown, Sources, Study, Table
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 

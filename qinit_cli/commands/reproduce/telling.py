@@ -12,7 +12,7 @@ from qinit_cli.commands.groups import Display
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
 from qinit_cli.commands.reproduce.manifest import Spent
-from qinit_cli.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
 
 KINDS: dict[type[Artefact], str] = {Sources: "sources", Fit: "fits", Run: "runs"}
 

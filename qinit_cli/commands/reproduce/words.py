@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.experiments import Fit, Run, Sources
 from qinit_cli.fields import flag, options
+from qinit_cli.paper.experiments import Fit, Run, Sources
 
 if TYPE_CHECKING:
     from pathlib import Path

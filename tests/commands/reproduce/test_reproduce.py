@@ -19,8 +19,8 @@ from typing import Any
 import pytest
 from tiny import SHRUNKEN
 
-from qinit_cli import experiments
 from qinit_cli.app import run
+from qinit_cli.paper import experiments
 
 TINY_QINIT = Path(__file__).with_name("tiny.py")
 

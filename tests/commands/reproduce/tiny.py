@@ -5,9 +5,9 @@ python tiny.py reproduce fig6 --scale quick -o DIR
 
 from __future__ import annotations
 
-from qinit_cli import experiments
 from qinit_cli.__main__ import main
-from qinit_cli.experiments import Scale, Sizes
+from qinit_cli.paper import experiments
+from qinit_cli.paper.experiments import Scale, Sizes
 
 SCALES = {
     "quick": Scale(

@@ -1,0 +1,1 @@
+"""Runs beside each other: their scores, over source sets, with intervals."""

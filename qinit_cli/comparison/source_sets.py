@@ -1,0 +1,222 @@
+"""Which runs may be compared: those of one distribution that met the same targets, from one source set or several.
+
+A source set is one set of sources, however fitted: fits of the same sources are other options of a method, and fits of
+sources from another distribution are no replicates. Several sets may share their targets (one transfer seed), or each may
+have its own; which of the two it is shows in the targets' digests and decides how intervals are made.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from qinit_cli.comparison.distinctions import (
+    OF_METHOD,
+    OF_RECORD,
+    Words,
+    joined,
+    settings,
+    told_apart,
+    with_words,
+)
+from qinit_cli.comparison.runs import Run
+from qinit_cli.errors import NotAllowed
+
+VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
+READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median reads them
+
+
+def reads_no_sources(label: str) -> bool:
+    """Whether the method of this label starts the same whatever the sources are."""
+    return label.partition(" ")[0] in READ_NO_SOURCES
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method with one choice of options: its runs, one for each source set."""
+
+    label: str  # the method, with the settings that tell it from the others it is shown with
+    runs: tuple[Run, ...]
+
+    @property
+    def method(self) -> str:
+        """The method's name."""
+        return self.runs[0].method
+
+    def beside(self, run: Run) -> Run | None:
+        """This method's run on the same targets and from the same source set as `run`; None if there is none.
+
+        A method that reads no sources is the same from every set, so that one run of it serves all.
+        """
+        same = [own for own in self.runs if own.target_digest == run.target_digest]
+        beside = next((own for own in same if own.source_set == run.source_set), None)
+        return same[0] if beside is None and same and self.reads_no_sources else beside
+
+    @property
+    def reads_no_sources(self) -> bool:
+        """Whether the method would be the same whatever the sources are."""
+        return reads_no_sources(self.runs[0].label)
+
+    @property
+    def settings(self) -> Words:
+        """What all of its runs share."""
+        found = [settings(run.spec, reads_sources=not self.reads_no_sources) for run in self.runs]
+        return {key: word for key, word in found[0].items() if all(one.get(key) == word for one in found)}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that may be compared with each other."""
+
+    sets: int  # source sets
+    shared: bool  # whether the sets met the same targets
+    entries: tuple[Entry, ...]
+
+    @property
+    def any_run(self) -> Run:
+        """A run; what groups have in common can be read from any."""
+        return self.entries[0].runs[0]
+
+
+def grouped(runs: Sequence[Run]) -> list[Group]:
+    """The groups, in order of appearance; a run that is named twice counts once.
+
+    NotAllowed where runs of the same targets have other exact values of them: those were not the same targets.
+    """
+    once = list({run.name: run for run in runs}.values())
+    for met in _by(once, lambda run: run.target_digest):
+        _expect_equal_values(met)
+    return _labelled([group for same in _by(once, _distribution) for group in _groups(same)])
+
+
+def told_of_groups(groups: Sequence[Group]) -> list[Words]:
+    """The settings that distinguish each group from the others, but for those in which methods of one group differ."""
+    varying = _varying(groups)
+    shared = [
+        {
+            key: word
+            for entry in group.entries
+            for key, word in entry.settings.items()
+            if _of_group(key, varying)
+        }
+        for group in groups
+    ]
+    return told_apart(shared)
+
+
+def _varying(groups: Sequence[Group]) -> set[str]:
+    """The settings in which methods of one group differ."""
+    return {
+        key
+        for group in groups
+        for words in told_apart([one.settings for one in group.entries])
+        for key in words
+    }
+
+
+def _of_group(key: str, varying: set[str]) -> bool:
+    return key not in varying and not key.startswith((OF_METHOD, OF_RECORD))
+
+
+def _labelled(groups: list[Group]) -> list[Group]:
+    """The groups, their methods with the settings that tell them apart, copies with what they keep or the end of their name."""
+    varying = _varying(groups)
+    apart = iter(told_apart([entry.settings for group in groups for entry in group.entries]))
+    return [
+        replace(group, entries=_distinct([(entry, next(apart)) for entry in group.entries], varying))
+        for group in groups
+    ]
+
+
+def _distinct(entries: Sequence[tuple[Entry, Words]], varying: set[str]) -> tuple[Entry, ...]:
+    kept = [{key: word for key, word in words.items() if key.startswith(OF_RECORD)} for _, words in entries]
+    labels = [
+        with_words(
+            entry.label,
+            joined(
+                {k: w for k, w in words.items() if not k.startswith(OF_RECORD) and not _of_group(k, varying)}
+            ),
+        )
+        for entry, words in entries
+    ]
+    labels = _where_equal(labels, [f", {joined(words)}" if words else "" for words in kept])
+    labels = _where_equal(labels, [f" {entry.runs[0].name[-8:]}" for entry, _ in entries])
+    return tuple(replace(entry, label=label) for (entry, _), label in zip(entries, labels, strict=True))
+
+
+def _expect_equal_values(runs: list[Run]) -> None:
+    import numpy as np
+
+    known = [(run.name, run.v_star) for run in runs if run.v_star is not None]
+    for name, values in known[1:]:
+        first, expected = known[0]
+        apart = ~np.isclose(values, expected, rtol=0, atol=VALUE_TOLERANCE)
+        if apart.any():
+            place = int(apart.argmax())
+            raise NotAllowed(
+                f"{first} and {name} met the same targets by their settings, but the best value of target {place} is "
+                f"{expected[place]:.6g} in one and {values[place]:.6g} in the other: their environments were not the "
+                "same, by their version or by chance that no seed reaches; transfer both again"
+            )
+
+
+def _where_equal(labels: Sequence[str], ends: Sequence[str]) -> list[str]:
+    """The labels, those that stand there twice with their ends."""
+    count = Counter(labels)
+    return [label + end if count[label] > 1 else label for label, end in zip(labels, ends, strict=True)]
+
+
+def _groups(runs: list[Run]) -> list[Group]:
+    by_targets = _by(runs, lambda run: run.target_digest)
+    if len(by_targets) == 1:
+        return [Group(_sets(runs), True, _entries(runs))]
+    if all(_sets(met) == 1 for met in by_targets) and _sets(runs) == len(by_targets):
+        return [Group(len(by_targets), False, _entries(runs))]
+    return [Group(_sets(met), True, _entries(met)) for met in by_targets]
+
+
+def _entries(runs: list[Run]) -> tuple[Entry, ...]:
+    earlier: Counter[Any] = Counter()
+    copies: dict[str, int] = {}  # of what was run before on the same targets from the same source set
+    for run in runs:
+        same = (_options(run), run.target_digest, run.source_set)
+        copies[run.name] = earlier[same]
+        earlier[same] += 1
+    variants = _by(runs, lambda run: (_options(run), copies[run.name]))
+    return tuple(
+        Entry(
+            variant[0].label,
+            tuple(sorted(variant, key=lambda run: (run.target_digest, run.source_set))),
+        )
+        for variant in variants
+    )
+
+
+def _options(run: Run) -> tuple[str, str, str, str]:
+    fitted = {} if reads_no_sources(run.label) else run.fitted
+    return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
+
+
+def _sets(runs: Sequence[Run]) -> int:
+    return len({run.source_set for run in runs})
+
+
+def _distribution(run: Run) -> tuple[str, str, tuple[int, ...]]:
+    met = {name: value for name, value in run.spec["learning"].items() if name not in ("alpha", "epsilon")}
+    return _canonical(run.spec["family"]), _canonical(met), run.steps.shape
+
+
+def _by(runs: Sequence[Run], key: Any) -> list[list[Run]]:
+    """The runs in lists of equal key, in order of appearance."""
+    lists: dict[Any, list[Run]] = {}
+    for run in runs:
+        lists.setdefault(key(run), []).append(run)
+    return list(lists.values())
+
+
+def _canonical(value: object) -> str:
+    from qinit_store.spec import canonical_json
+
+    return canonical_json(value)

@@ -1,0 +1,1 @@
+"""The paper: its settings and experiments as data, and its claims judged."""

@@ -1,0 +1,525 @@
+"""The paper's experiments as data: the sources, fits and runs that each figure needs, the pictures and tables that show them.
+
+Nothing is learned or drawn here. Where the paper is silent, an experiment shows what decides the answer: OPS-TL in three
+settings of its decay, "+" variants started by the median (the caption of Figure 6) and by the mean (its text).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from qinit_cli.comparison.source_sets import READ_NO_SOURCES
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.fitted import FitOptions
+from qinit_cli.methods import Method
+from qinit_cli.methods.drs import Drs
+from qinit_cli.methods.logqinit_mean import LogQInitMean
+from qinit_cli.methods.logqinit_median import LogQInitMedian
+from qinit_cli.methods.logqinit_quantile import LogQInitQuantile
+from qinit_cli.methods.maxqinit import MaxQInit
+from qinit_cli.methods.mean import Mean
+from qinit_cli.methods.ops_tl import OpsTl
+from qinit_cli.methods.optimal import Optimal
+from qinit_cli.methods.plus import Plus
+from qinit_cli.methods.ptrs import Ptrs
+from qinit_cli.methods.ucoi import Ucoi
+from qinit_cli.methods.zero import Zero
+
+VARIANCES = (1.0, 3.0, 5.0, 7.0, 10.0)
+NOISES = (0.0002, 0.005, 0.01, 0.015, 0.02)
+SHOWN_VARIANCE, SHOWN_NOISE = 7.0, 0.01  # of the figures that show one distribution
+
+INITIALISATIONS: tuple[Method, ...] = (
+    Zero(),
+    Mean(),
+    MaxQInit(),
+    Ucoi(),
+    LogQInitMedian(),
+    LogQInitMean(),
+    LogQInitQuantile(),
+)
+# each setting of ops-tl's decay gives it another rank; the paper has none
+POLICY_TRANSFER: tuple[Plus, ...] = (Ptrs(), Drs(), OpsTl(), OpsTl(rho=1.0))
+# always follows and never acts on its own table: a + would be the same run
+FOLLOWING = OpsTl(rho=1.0, nu=1.0)
+# pays for exploration as the others do
+EXPLORING = tuple(
+    replace(method, explore_while_following=True) for method in (OpsTl(), OpsTl(rho=1.0), FOLLOWING)
+)
+PLUS_STARTS = ("logqinit-median", "logqinit-mean")
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much of one family is learned."""
+
+    sources: int
+    source_episodes: int
+    targets: int
+    target_episodes: int
+
+    @classmethod
+    def of(cls, family: type[Family]) -> Sizes:
+        """The family's own, which are the paper's."""
+        return cls(
+            family.source_tasks,
+            family.source_learning.episodes,
+            family.target_tasks,
+            family.target_learning.episodes,
+        )
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much of everything is learned."""
+
+    name: str
+    sizes: Mapping[str, Sizes]  # by family
+    optimal: (
+        int  # targets whose own tables are learned where no exact ones exist: each costs what a source does
+    )
+    floor: int  # tasks without noise, from each of ...
+    floor_seeds: int  # ... so many seeds: what spreads by learning alone
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of the families' own settings
+
+    def family(self, family: type[Family], **settings: Any) -> Family:
+        """The family as it is learned at this scale."""
+        return family(**{**self.changes.get(family.name, {}), **settings})
+
+
+SCALES = {
+    "paper": Scale(
+        "paper",
+        {name: Sizes.of(FAMILIES[name]) for name in (Gridworld.name, MountainCar.name)},
+        optimal=20,
+        floor=20,
+        floor_seeds=5,
+    ),
+    "quick": Scale(
+        "quick",
+        {Gridworld.name: Sizes(40, 30_000, 40, 1_000), MountainCar.name: Sizes(30, 50_000, 30, 1_000)},
+        optimal=10,
+        floor=10,
+        floor_seeds=3,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Source tasks of one distribution."""
+
+    family: Family
+    seed: int
+    tasks: int
+    episodes: int
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The fit of some sources."""
+
+    sources: Sources
+    options: FitOptions = field(default_factory=FitOptions)
+
+
+@dataclass(frozen=True)
+class Run:
+    """Targets learned from what a method makes of a fit."""
+
+    fit: Fit
+    method: Method
+    tasks: int
+    episodes: int
+
+    @property
+    def family(self) -> Family:
+        """What the targets are drawn from."""
+        return self.fit.sources.family
+
+
+Artefact = Sources | Fit | Run
+Kind = Literal["heatmaps", "histograms", "normality", "curves", "bars", "occupancy", "eopl", "car"]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One picture, made of artefacts."""
+
+    name: str  # of its file, without the ending
+    kind: Kind
+    artefacts: tuple[Artefact, ...]
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Runs side by side, as `qinit compare` has them."""
+
+    name: str
+    runs: tuple[Run, ...]
+    title: str
+    first: int | None = None  # targets that count; None: all
+
+    @property
+    def artefacts(self) -> tuple[Artefact, ...]:
+        """What it is made of."""
+        return self.runs
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The paper's claims, as `qinit verdicts` judges them from artefacts."""
+
+    artefacts: tuple[Artefact, ...]
+    whole: bool  # whether claims that these artefacts say nothing of are told too
+    name: str = "verdicts"
+    title: str = "The paper's claims"
+
+
+Shown = Picture | Table | Judgement
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What stands behind one figure of the paper."""
+
+    name: str
+    pictures: tuple[Picture, ...]
+    tables: tuple[Table, ...] = ()
+
+    @property
+    def artefacts(self) -> tuple[Artefact, ...]:
+        """All that its pictures and tables are made of, each once."""
+        shown: tuple[Picture | Table, ...] = (*self.pictures, *self.tables)
+        return tuple(dict.fromkeys(artefact for each in shown for artefact in each.artefacts))
+
+
+@dataclass(frozen=True)
+class Study:
+    """How large, and from how many independent source sets; targets are the same for all."""
+
+    scale: Scale
+    sets: int = 1
+
+    @property
+    def gridworlds(self) -> tuple[Family, ...]:
+        """The distributions of Figures 4 and 6."""
+        normal = [self.scale.family(Gridworld, variance=variance) for variance in VARIANCES]
+        return (*normal, self.scale.family(Gridworld, goals="uniform"))
+
+    @property
+    def gridworld(self) -> Family:
+        """The distribution of Figures 5 and 6, left and middle."""
+        return self.scale.family(Gridworld, variance=SHOWN_VARIANCE)
+
+    @property
+    def cars(self) -> tuple[Family, ...]:
+        """The distributions of Figures 7 and 8."""
+        return tuple(self.scale.family(MountainCar, noise=noise) for noise in NOISES)
+
+    @property
+    def car(self) -> Family:
+        """The distribution of Figure 9, left."""
+        return self.scale.family(MountainCar, noise=SHOWN_NOISE)
+
+    @property
+    def floor(self) -> tuple[Sources, ...]:
+        """Tasks that are all alike, learned apart."""
+        alike = self.scale.family(MountainCar, noise=0.0)
+        episodes = self.scale.sizes[alike.name].source_episodes
+        return tuple(
+            Sources(alike, seed, self.scale.floor, episodes) for seed in range(self.scale.floor_seeds)
+        )
+
+    def sources(self, family: Family, seed: int = 0) -> Sources:
+        """The sources of one source set."""
+        sizes = self.scale.sizes[family.name]
+        return Sources(family, seed, sizes.sources, sizes.source_episodes)
+
+    def fit(self, family: Family, seed: int = 0) -> Fit:
+        """The fit of one source set."""
+        return Fit(self.sources(family, seed))
+
+    def runs(self, family: Family, methods: Iterable[Method]) -> tuple[Run, ...]:
+        """The runs of each method from every source set; what reads no sources runs from the first alone."""
+        sizes = self.scale.sizes[family.name]
+        return tuple(
+            Run(self.fit(family, seed), method, sizes.targets, sizes.target_episodes)
+            for method in methods
+            for seed in range(1 if method.label.split()[0] in READ_NO_SOURCES else self.sets)
+        )
+
+    def optimal(self, family: Family) -> Run:
+        """The reference: all targets where exact tables exist, else the first few."""
+        [run] = self.runs(family, [Optimal()])
+        return run if family.tabular else replace(run, tasks=min(run.tasks, self.scale.optimal))
+
+    def sources_told(self, family: Family) -> str:
+        """The sources in words, for captions."""
+        sizes = self.scale.sizes[family.name]
+        return f"{sizes.sources} source tasks of {sizes.source_episodes:,} episodes"
+
+    def told(self, family: Family) -> str:
+        """All sizes in words, for captions."""
+        sizes = self.scale.sizes[family.name]
+        sets = "one source set" if self.sets == 1 else f"{self.sets} source sets"
+        optimal = "" if family.tabular else f", optimal on the first {self.optimal(family).tasks} of them"
+        return (
+            f"{sets} of {self.sources_told(family)}; {sizes.targets} targets of {sizes.target_episodes:,} "
+            f"episodes{optimal}"
+        )
+
+
+def experiment(name: str, study: Study) -> Experiment:
+    """The experiment behind the figure of that name."""
+    return FIGURES[name](study)
+
+
+def judgement(target: str, study: Study) -> Judgement:
+    """The claims that the figures of a target bear on; for whole environments with fits that test the path lengths."""
+    shown = [artefact for name in TARGETS[target] for artefact in experiment(name, study).artefacts]
+    whole = target not in FIGURES
+    if "fig4" in TARGETS[target] and whole:
+        tested = FitOptions(eopl_normality="rounded")
+        shown += [
+            Fit(study.sources(family, seed), tested)
+            for family in study.gridworlds
+            for seed in range(study.sets)
+        ]
+    return Judgement(tuple(dict.fromkeys(shown)), whole)
+
+
+def transfer(init: str) -> tuple[Method, ...]:
+    """LogQInit beside policy transfer and shaping, without and with a start of that name."""
+    logqinit = {method.name: method for method in INITIALISATIONS}[init]
+    plus = [pair for method in POLICY_TRANSFER for pair in (method, replace(method, init=init))]
+    return (Zero(), logqinit, *plus, FOLLOWING)
+
+
+def distribution(family: Family) -> str:
+    """The distribution in a title's words."""
+    return family.label.removeprefix(f"{family.name}-").replace("-", " ")
+
+
+def _fig4(study: Study) -> Experiment:
+    fits = tuple(study.fit(family) for family in study.gridworlds)
+    caption = (
+        "Top: the chance that a task's goal is in a cell. Below: what each method starts from, largest over actions; one "
+        f"column for each distribution of goals. Each from {study.sources_told(study.gridworld)}."
+    )
+    return Experiment(
+        "fig4", (Picture("fig4", "heatmaps", fits, "Gridworld: initial values by method", caption),)
+    )
+
+
+def _fig5(study: Study) -> Experiment:
+    family, told = study.gridworld, study.sources_told(study.gridworld)
+    title = f"Gridworld, {distribution(family)}"
+    values = Picture(
+        "fig5",
+        "histograms",
+        (study.sources(family),),
+        f"{title}: values over source tasks",
+        f"Histograms of Q and of ln Q with the fitted curves, and quantiles against the normal's; {told}.",
+    )
+    normality = Picture(
+        "fig5-normality",
+        "normality",
+        (study.fit(family),),
+        f"{title}: is ln Q normal?",
+        "Shapiro-Wilk's W and raw p of ln Q in every state, with their corrections side by side: not in the paper, which "
+        f"shows three states. {told[0].upper()}{told[1:]}.",
+    )
+    return Experiment("fig5", (values, normality))
+
+
+def _fig6(study: Study) -> Experiment:
+    family = study.gridworld
+    bars = tuple(run for each in study.gridworlds for run in _initialisations(study, each))
+    pictures = (
+        _curves(study, "fig6-a", (family,), "initialisations"),
+        *(
+            _curves(study, f"fig6-b-{init.removeprefix('logqinit-')}", (family,), "transfer", init)
+            for init in PLUS_STARTS
+        ),
+        Picture(
+            "fig6-c",
+            "bars",
+            bars,
+            "Gridworld: average return by distribution of goals",
+            f"Mean over all episodes with 95 % intervals; {study.told(family)}.",
+        ),
+    )
+    tables = (
+        Table(
+            "fig6",
+            tuple(dict.fromkeys((*_everything(study, family), *bars))),
+            "Gridworld: methods on the same targets",
+        ),
+    )
+    return Experiment("fig6", pictures, tables)
+
+
+def _fig7(study: Study) -> Experiment:
+    sources = tuple(study.sources(family) for family in study.cars)
+    caption = (
+        "How often each state is visited on the tasks' own greedy paths from the start, and the outlines of what is visited "
+        f"at all; {study.sources_told(study.car)} for each noise."
+    )
+    return Experiment(
+        "fig7", (Picture("fig7", "occupancy", sources, "Mountain Car: states on the optimal paths", caption),)
+    )
+
+
+def _fig8(study: Study) -> Experiment:
+    floor = study.floor
+    sources = (*(study.sources(family) for family in study.cars), *floor)
+    caption = (
+        f"Path lengths from (−0.5, 0) over {study.sources_told(study.car)} for each noise; beside them what learning alone "
+        f"spreads: {len(floor)} x {floor[0].tasks} tasks without noise."
+    )
+    return Experiment(
+        "fig8",
+        (
+            Picture(
+                "fig8", "eopl", sources, "Mountain Car: expected optimal path lengths at the start", caption
+            ),
+        ),
+    )
+
+
+def _fig9(study: Study) -> Experiment:
+    family = study.car
+    # optimal met fewer targets: it is no bar beside the others
+    bars = tuple(run for each in study.cars for run in study.runs(each, INITIALISATIONS))
+    pictures = (
+        _curves(study, "fig9-a", (family,), "initialisations"),
+        Picture(
+            "fig9-b",
+            "bars",
+            bars,
+            "Mountain Car: average return by noise",
+            f"Mean over all episodes with 95 % intervals; {study.told(family)}.",
+        ),
+        _curves(study, "fig9-c", (family,), "transfer", PLUS_STARTS[0]),
+    )
+    shown = tuple(dict.fromkeys((*_everything(study, family), *bars)))
+    return Experiment("fig9", pictures, _tables(study, "fig9", "Mountain Car", study.cars, shown))
+
+
+def _fig10(study: Study) -> Experiment:
+    pictures = (
+        Picture(
+            f"fig10-{_in_a_name(family)}",
+            "histograms",
+            (study.sources(family),),
+            f"Mountain Car, {distribution(family)}: values over source tasks",
+            "Histograms of Q and of ln Q with the fitted curves, and quantiles against the normal's; "
+            f"{study.sources_told(family)}. The paper does not say which noise it shows: here is each.",
+        )
+        for family in study.cars
+    )
+    return Experiment("fig10", tuple(pictures))
+
+
+def _fig_a1(study: Study) -> Experiment:
+    caption = (
+        "Hill, start and goal; where the noise acts, its density, and the pushes of the "
+        f"{study.scale.sizes[study.car.name].sources} source tasks."
+    )
+    title = f"Mountain Car with a push on the right hill, {distribution(study.car)}"
+    return Experiment("figA1", (Picture("figA1", "car", (study.sources(study.car),), title, caption),))
+
+
+def _fig_a2(study: Study) -> Experiment:
+    shown = tuple(run for family in study.gridworlds for run in _everything(study, family))
+    table = Table("figA2", shown, "Gridworld: methods on the same targets, every distribution of goals")
+    return Experiment("figA2", _both_curves(study, "figA2", study.gridworlds), (table,))
+
+
+def _fig_a3(study: Study) -> Experiment:
+    shown = tuple(run for family in study.cars for run in _everything(study, family))
+    return Experiment(
+        "figA3",
+        _both_curves(study, "figA3", study.cars),
+        _tables(study, "figA3", "Mountain Car", study.cars, shown),
+    )
+
+
+def _both_curves(study: Study, name: str, families: tuple[Family, ...]) -> tuple[Picture, ...]:
+    return tuple(_curves(study, f"{name}-{kind}", families, kind) for kind in ("initialisations", "transfer"))
+
+
+def _curves(
+    study: Study, name: str, families: tuple[Family, ...], kind: str, init: str = PLUS_STARTS[0]
+) -> Picture:
+    """Learning curves of one kind of methods, a panel for each distribution."""
+    of = {"initialisations": "initialisation methods", "transfer": f"transfer methods, + started by {init}"}
+    shown = [
+        run
+        for family in families
+        for run in (
+            _initialisations(study, family)
+            if kind == "initialisations"
+            else (*study.runs(family, transfer(init)), study.optimal(family))
+        )
+    ]
+    where = "Gridworld" if families[0].tabular else "Mountain Car"
+    one = f", {distribution(families[0])}" if len(families) == 1 else ""
+    caption = f"Mean over targets, smoothed over 20 episodes, with 95 % bands; {study.told(families[0])}."
+    return Picture(name, "curves", tuple(shown), f"{where}{one}: {of[kind]}", caption)
+
+
+def _tables(
+    study: Study, name: str, title: str, families: tuple[Family, ...], shown: tuple[Run, ...]
+) -> tuple[Table, ...]:
+    """One of all targets, and one of those few that `optimal` met too, with regret."""
+    references = tuple(study.optimal(family) for family in families)
+    few = max(run.tasks for run in references)
+    methods = tuple(run for run in shown if run not in references)
+    met = {run.family for run in methods}
+    beside = (*methods, *(run for run in references if run.family in met))
+    return (
+        Table(name, methods, f"{title}: methods on the same targets"),
+        Table(f"{name}-optimal", beside, f"{title}: on the first {few} targets, which optimal met too", few),
+    )
+
+
+def _initialisations(study: Study, family: Family) -> tuple[Run, ...]:
+    return (*study.runs(family, INITIALISATIONS), study.optimal(family))
+
+
+def _everything(study: Study, family: Family) -> tuple[Run, ...]:
+    """Every method on one distribution."""
+    more = [run for init in PLUS_STARTS for run in study.runs(family, transfer(init))]
+    return tuple(dict.fromkeys((*_initialisations(study, family), *more, *study.runs(family, EXPLORING))))
+
+
+def _in_a_name(family: Family) -> str:
+    return distribution(family).replace(" ", "-")
+
+
+FIGURES: dict[str, Callable[[Study], Experiment]] = {
+    "fig4": _fig4,
+    "fig5": _fig5,
+    "fig6": _fig6,
+    "fig7": _fig7,
+    "fig8": _fig8,
+    "fig9": _fig9,
+    "fig10": _fig10,
+    "figA1": _fig_a1,
+    "figA2": _fig_a2,
+    "figA3": _fig_a3,
+}
+TARGETS: dict[str, tuple[str, ...]] = {
+    **{name: (name,) for name in FIGURES},
+    Gridworld.name: ("fig4", "fig5", "fig6", "figA2"),
+    MountainCar.name: ("fig7", "fig8", "fig9", "fig10", "figA1", "figA3"),
+    "all": tuple(FIGURES),
+}

@@ -1,0 +1,40 @@
+"""A fit as methods and pictures read it from its artefact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qinit_cli.artefacts.opening import family_in, open_artefact
+from qinit_cli.environments import Family
+from qinit_cli.fitted import Fit
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """A fit as it was read: what a method may use, and where it came from."""
+
+    path: Path
+    fit: Fit
+    family: Family  # of the sources
+    learning: dict[str, Any]  # of the sources
+    content_sha256: str
+    spec: dict[str, Any]  # of the fit
+
+    @classmethod
+    def read(cls, path: Path) -> Knowledge:
+        """The fit at `path`, verified."""
+        with open_artefact(path, "fit") as artefact:
+            sources = artefact.spec["sources"]
+            family = family_in(artefact)
+            names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
+            arrays = {name: artefact.read(name) for name in names}
+            fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
+            return cls(path, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
+
+    @property
+    def given(self) -> dict[str, str]:
+        """The fit as an input of the run."""
+        return {"role": "fit", "name": self.path.stem, "content_sha256": self.content_sha256}
