@@ -9,7 +9,7 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from qinit_cli import __version__, configuration, signals
+from qinit_cli import __version__, configuration, signals, streams
 from qinit_cli.commands import (
     bench,
     compare,
@@ -26,7 +26,7 @@ from qinit_cli.commands import (
     verdicts,
     verify,
 )
-from qinit_cli.commands.build import add_later, option_names
+from qinit_cli.commands.build import add_later, debugging, option_names
 from qinit_cli.commands.help import SETTINGS, Commands, HelpAll
 from qinit_cli.commands.messages import say
 from qinit_cli.errors import Interrupted, QinitError, UsageError
@@ -139,6 +139,7 @@ def run(arguments: list[str]) -> int:
     os.environ.pop(
         "SOURCE_DATE_EPOCH", None
     )  # dates nothing of ours; matplotlib and f2py fail on what is no time
+    debugging.set("--debug" in arguments)
     try:
         command = typer.main.get_command(app)
         code = command.main(
@@ -163,7 +164,7 @@ def run(arguments: list[str]) -> int:
         code = signals.exit_code()
         if code is not None:  # whatever caught the signal's exception made this error of it
             return code
-        if "--debug" in arguments:
+        if debugging.get():
             sys.stderr.write(printable("".join(traceback.format_exception(error)), keep="\n"))
         return _say(*_sentence(error))
 
@@ -185,6 +186,9 @@ def _sentence(error: Exception) -> tuple[str, int]:
             return str(error), error.exit_code
         case MemoryError():
             return "out of memory; fewer --jobs or smaller tasks need less", SystemFailed.exit_code
+        case OSError(filename=streams.STDOUT):
+            _discard(sys.stdout)
+            return f"{streams.STDOUT} cannot be written: {error.strerror}", SystemFailed.exit_code
         case OSError():
             return f"the system refused: {error}", SystemFailed.exit_code
         case _:

@@ -6,8 +6,10 @@ import codecs
 import io
 import os
 import sys
+from typing import Any
 
 ERRORS = "qinit"
+STDOUT = "standard output"
 PLAIN = {"–": "-", "−": "-", "×": "x", "·": ".", "’": "'"}  # of equal width: columns stay in line
 
 
@@ -27,7 +29,8 @@ def prepare() -> None:
         if getattr(sys, name) is None:
             setattr(sys, name, open(descriptor, "w" if descriptor else "r", closefd=False))  # noqa: SIM115 for good
     _set_errors(sys.stdin, "surrogateescape")
-    _set_errors(sys.stdout, ERRORS)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout = _named(sys.stdout)
     _set_errors(sys.stderr, ERRORS)
 
 
@@ -35,6 +38,29 @@ def in_encoding_of(stream: object, path: str) -> str:
     """The path so that the stream writes its bytes, even where its encoding lacks the characters."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     return os.fsencode(path).decode(encoding, "surrogateescape")
+
+
+class _Stdout(io.FileIO):
+    """Standard output, whose errors bear its name: the system's own name none."""
+
+    def write(self, data: Any, /) -> int:
+        """Writes as any file does."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            error.filename = STDOUT
+            raise
+
+
+def _named(stream: io.TextIOWrapper) -> io.TextIOWrapper:
+    """The stream anew, with errors that bear its name."""
+    return io.TextIOWrapper(
+        io.BufferedWriter(_Stdout(stream.fileno(), "w", closefd=False)),
+        encoding=stream.encoding,
+        errors=ERRORS,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
 
 
 def _is_open(descriptor: int) -> bool:

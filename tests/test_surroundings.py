@@ -242,3 +242,13 @@ def test_undecodable_names_end_no_command(here: Callable[..., Any], pipeline: An
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
 def test_a_full_stderr_leaves_the_exit_code_of_the_error(tmp_path: Path) -> None:
     assert ended('"$Q" show nothing.h5 2>/dev/full', tmp_path).returncode == 2
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+@pytest.mark.parametrize("words", ["list", "--help"])
+def test_a_full_standard_output_is_named(words: str, tmp_path: Path) -> None:
+    told = ended(f'"$Q" {words} >/dev/full', tmp_path)
+    assert told.returncode == 7
+    assert told.stderr.decode().splitlines()[-1] == (
+        "qinit: standard output cannot be written: No space left on device"
+    )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextvars import ContextVar
 from dataclasses import MISSING, Field, dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -32,6 +33,10 @@ OF_ONE_CALL = {
     "what",
     "title",
 }  # no variable or file sets them
+
+
+# whether the command that runs has --debug, QINIT_DEBUG or debug = true in a file
+debugging: ContextVar[bool] = ContextVar("debugging", default=False)
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,7 @@ def add_command(
     """
 
     def command(**values: Any) -> None:
+        debugging.set(bool(values.get("debug")))
         if imports is not None:
             from qinit_cli.environments.modules import import_named
 

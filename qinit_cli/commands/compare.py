@@ -137,14 +137,17 @@ def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: 
         )
 
 
-def read_runs(references: list[str], store: str) -> list[Run]:
-    """The runs that the references name, verified; each once, those of one file name told apart by their folders."""
+def read_runs(references: list[str], store: str, *, output: Path | None = None) -> list[Run]:
+    """The runs that the references name, verified; each once, those of one file name told apart by their folders.
+
+    UsageError where `output`, the file that the command writes, is one of them.
+    """
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references as named
     from qinit_cli.comparison.runs import Run
 
     found: dict[str, tuple[Path, Run]] = {}
-    for path in named.many(references, store):
+    for path in named.many(references, store, output=output):
         with open_artefact(path, "run") as artefact:
             found.setdefault(artefact.content_sha256, (path, Run.from_artefact(artefact)))
     count = Counter(run.name for _, run in found.values())

@@ -104,7 +104,7 @@ def export(artefacts: list[str], exporting: Exporting, reading: Reading, display
     format, destination = exporting.format, exporting.destination
     if format == "parquet":
         export_formats.pyarrow()  # before anything is read
-    paths = list(dict.fromkeys(references.many(artefacts, reading.store)))
+    paths = list(dict.fromkeys(references.many(artefacts, reading.store, output=destination)))
     table, fields = _table(paths, format, exporting.what)
     if destination is None:
         _write_text(sys.stdout, paths, format, table, fields)

@@ -51,7 +51,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.commands.making import provenance, say_result, target_path, warn
     from qinit_cli.pipeline.degenerate import of_fit
 
-    path = references.one(sources, output.store, "scipy.special")
+    path = references.one(sources, output.store, "scipy.special", output=output.output)
     if output.dry_run:
         with open_artefact(path, "sources") as source:
             asked = _asked(source, fitting)

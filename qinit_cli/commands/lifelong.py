@@ -105,24 +105,45 @@ def lifelong(
 
     Without --update no task depends on another: the lifetime is the run that `qinit transfer` makes.
     """
-    path = _fitted(known, output, display)
+    if living.update:
+        _check_alone(method, work)
+    path = _fitted(known, learning, output, display)
     if living.update:
         _update(path, method, living, learning, output, work, display)
     else:
         transfer(str(path), method, learning, output, work, display)
 
 
-def _fitted(known: str, output: Output, display: Display) -> Path:
-    """The fit that is named, or that of the sources that are, with the defaults of `qinit fit`."""
+def _check_alone(method: Method, work: Work) -> None:
+    """UsageError where tasks of this method cannot add to each other, or not so."""
+    if method.privileged or not method.reads_moments:
+        raise UsageError(
+            f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
+        )
+    if work.shard is not None or work.dask is not None:
+        raise UsageError(
+            "tasks that add to each other are learned one after another, here; leave out --shard and --dask"
+        )
+
+
+def _fitted(known: str, learning: LearningTargets, output: Output, display: Display) -> Path:
+    """The fit that is named, or that of the sources that are, with the defaults of `qinit fit`.
+
+    What refuses the targets that are asked for refuses them before a fit is written.
+    """
+    from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
     from qinit_cli.commands.fit import make_fit
     from qinit_cli.commands.making import provenance
     from qinit_cli.fitted import FitOptions
     from qinit_store.reading import describe
 
-    path = references.one(known, output.store, references.LEARNING)
+    path = references.one(known, output.store, references.LEARNING, output=output.output)
     if describe(path).kind != "sources":
         return path
+    with open_artefact(path, "sources") as sources:
+        targets, _ = targets_of(learning, {"sources": sources.spec})
+    _ = targets.family.shape  # asks for the module of an environment that is not imported
     if output.dry_run:
         raise UsageError(
             f"--dry-run makes no fit of {path}; {shell_line('qinit', 'fit', path)} does, and its path can stand here"
@@ -153,14 +174,6 @@ def _update(
     from qinit_cli.pipeline.degenerate import of_targets
     from qinit_cli.pipeline.knowledge import Knowledge
 
-    if method.privileged or not method.reads_moments:
-        raise UsageError(
-            f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
-        )
-    if work.shard is not None or work.dask is not None:
-        raise UsageError(
-            "tasks that add to each other are learned one after another, here; leave out --shard and --dask"
-        )
     if (work.jobs or 1) > 1:
         note(display, "tasks that add to each other are learned one after another, whatever --jobs says")
     fitted = Knowledge.read(path)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
+from qinit_cli.errors import UsageError
 
 SHARE = re.compile(r"-share-\d+-of-\d+")
 
@@ -39,12 +41,13 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     from qinit_store.reading import describe
 
     paths = references.many(artefacts, rewriting.store)
+    _check_named_once(paths)
     whole = SHARE.sub("", paths[0].name)
     name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
     origin = provenance() | plug_ins_behind(paths[0])
-    target = join(
-        paths, rewriting.target(paths[0], name), origin, force=rewriting.force, opening=open_artefact
-    )
+    target = rewriting.target(paths[0], name)
+    references.check_not_read(target, paths)
+    join(paths, target, origin, force=rewriting.force, opening=open_artefact)
     made = describe(target)
     asked = made.spec.get("tasks", made.tasks)
     sentence = f"{made.tasks} tasks of {len(paths)} shares"
@@ -53,3 +56,11 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     say_written(
         target, "qinit.merge/1", {"tasks": made.tasks, "shares": len(paths)}, sentence, rewriting, display
     )
+
+
+def _check_named_once(paths: list[Path]) -> None:
+    """UsageError where a share is named twice: another one was meant."""
+    files = [path.resolve() for path in paths]
+    for place, path in enumerate(paths):
+        if files[place] in files[:place]:
+            raise UsageError(f"{path} is named twice; name each share once")

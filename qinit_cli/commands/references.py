@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,17 +17,21 @@ if TYPE_CHECKING:
 LEARNING = "qinit_cli.kernels.batch"  # a slow module that whatever learns needs: Numba comes with it
 
 
-def many(references: list[str], store: str, *needed: str) -> list[Path]:
+def many(references: list[str], store: str, *needed: str, output: str | Path | None = None) -> list[Path]:
     """The paths that the references lead to, in order; stdin is read only for an explicit `-`.
 
     `needed` are slow modules that the command will need: while the stage before is still at work, they are imported.
+    UsageError where `output`, the file that the command writes, is one of them.
     """
     from qinit_store.catalog import Store
 
     if "-" in references:
         for module in needed:
             import_module(module)
-    return [_resolved(name, Store(Path(store))) for name in listed(references)]
+    paths = [_resolved(name, Store(Path(store))) for name in listed(references)]
+    if output is not None:
+        check_not_read(Path(output), paths)
+    return paths
 
 
 def listed(references: list[str]) -> list[str]:
@@ -34,14 +39,22 @@ def listed(references: list[str]) -> list[str]:
     return [name for reference in references for name in (_from_stdin() if reference == "-" else [reference])]
 
 
-def one(reference: str, store: str, *needed: str) -> Path:
-    """The path of a single artefact; UsageError where stdin brings several. `needed` as for `many`."""
-    paths = many([reference], store, *needed)
+def one(reference: str, store: str, *needed: str, output: str | Path | None = None) -> Path:
+    """The path of a single artefact; UsageError where stdin brings several. `needed` and `output` as for `many`."""
+    paths = many([reference], store, *needed, output=output)
     if len(paths) > 1:
         raise UsageError(
             f"one artefact was expected, stdin brought {len(paths)}; run the command once for each"
         )
     return paths[0]
+
+
+def check_not_read(output: Path, read: Iterable[Path]) -> None:
+    """UsageError where the output would take the place of a file that is read, with --force or without."""
+    if output.exists() and any(path.exists() and output.samefile(path) for path in read):
+        raise UsageError(
+            f"{output} is read by this command, which never replaces it; choose another name with -o"
+        )
 
 
 def _resolved(name: str, store: Store) -> Path:

@@ -31,7 +31,7 @@ def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     from qinit_store.mend import salvage as mend
     from qinit_store.reading import describe
 
-    path = references.one(artefact, rewriting.store)
+    path = references.one(artefact, rewriting.store, output=rewriting.output)
     target = rewriting.target(path, f"{path.stem}-salvaged.h5")
     lost = mend(path, target, provenance(path), force=rewriting.force, opening=open_doubtful).tolist()
     kept = describe(target).tasks

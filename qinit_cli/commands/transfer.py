@@ -95,7 +95,7 @@ class Tuned:
         seldom=True,
     )
 
-    def applied(self, method: Method, store: str, family: Family) -> tuple[Method, list[dict[str, str]]]:
+    def applied(self, method: Method, output: Output, family: Family) -> tuple[Method, list[dict[str, str]]]:
         """The method with what was chosen, and the choice as an input; UsageError where both say something."""
         if self.tuned is None:
             return method, []
@@ -103,7 +103,9 @@ class Tuned:
         from qinit_cli.commands import references
         from qinit_cli.pipeline.tuning import settings
 
-        with open_artefact(references.one(self.tuned, store), "tuning") as artefact:
+        with open_artefact(
+            references.one(self.tuned, output.store, output=output.output), "tuning"
+        ) as artefact:
             name = artefact.spec["method"]["name"]
             if name != method.name:
                 raise NotAllowed(f"{self.tuned} chose parameters of {name}, not of {method.name}")
@@ -192,8 +194,8 @@ def transfer(
     from qinit_cli.pipeline.degenerate import of_targets
     from qinit_cli.pipeline.knowledge import Knowledge
 
-    known = Knowledge.read(references.one(fit, output.store, references.LEARNING))
-    method, choice = tuned.applied(method, output.store, known.family)
+    known = Knowledge.read(references.one(fit, output.store, references.LEARNING, output=output.output))
+    method, choice = tuned.applied(method, output, known.family)
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)
     _say_limits(method, known.fit, targets.family, display)

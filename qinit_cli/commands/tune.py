@@ -114,7 +114,7 @@ def tune(
     from qinit_cli.commands.making import make
     from qinit_cli.pipeline.tuning import Choice
 
-    path = references.one(sources, keeping.store, references.LEARNING)
+    path = references.one(sources, keeping.store, references.LEARNING, output=keeping.output)
     method, values = _asked(kind, grid, several, fixed)
     as_json = tabular.chosen == "json"
     output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)

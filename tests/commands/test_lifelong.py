@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from running import Ended, Pipeline
 
 Here = Callable[..., "Ended"]
@@ -123,3 +125,15 @@ def test_a_dry_run_makes_nothing(here: Here, pipeline: Pipeline) -> None:
     refused = here("lifelong", "mean", pipeline.sources, *SHORT, "--dry-run", "--store", "own")
     assert refused.code == 2
     assert "qinit fit" in refused.err
+
+
+@pytest.mark.parametrize(
+    "words", [("mean", "--shift", "wind=1"), ("optimal", "--update"), ("mean", "--update", "--shard", "1/2")]
+)
+def test_what_is_refused_is_refused_before_sources_are_fitted(
+    words: tuple[str, ...], here: Here, pipeline: Pipeline, tmp_path: Path
+) -> None:
+    method, *rest = words
+    ended = here("lifelong", method, pipeline.sources, *rest, "--store", "own")
+    assert ended.code == 2
+    assert not list(tmp_path.rglob("*.h5"))

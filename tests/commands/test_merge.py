@@ -142,3 +142,19 @@ def test_what_is_no_share_is_refused(here: Callable[..., Any], shard: str) -> No
     ended = here(*SOURCES, "--shard", shard)
     assert ended.code == 2
     assert "K/N" in ended.err
+
+
+def test_a_share_that_is_named_twice_is_refused(here: Callable[..., Any], run: Callable[..., Any]) -> None:
+    first, _ = shares_of(run, SOURCES, 2)
+    ended = here("merge", first["path"], Path(first["path"]).absolute())
+    assert ended.code == 2
+    assert "is named twice" in ended.err
+
+
+def test_the_whole_never_replaces_a_share(here: Callable[..., Any], run: Callable[..., Any]) -> None:
+    first, second = (Path(share["path"]) for share in shares_of(run, SOURCES, 2))
+    whole = first.with_name(first.name.replace("-share-1-of-2", ""))
+    shutil.copy(first, whole)  # has the name that the whole would get
+    refused = here("merge", second, whole, "--force")
+    assert (refused.code, refused.out) == (2, "")
+    assert whole.read_bytes() == first.read_bytes()

@@ -251,3 +251,19 @@ def test_compiling_is_said_once_with_its_kind_and_not_where_the_code_was_kept(
     again = qinit(*words, "--seed", 1, "-o", "b.h5", env=env)
     assert again.code == 0, again.err
     assert "compiling" not in again.err
+
+
+@pytest.mark.parametrize("where", ["variable", "file"])
+def test_debug_may_be_set_by_a_variable_or_a_file(
+    where: str, here: Here, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    if where == "variable":
+        monkeypatch.setenv("QINIT_DEBUG", "1")
+    else:
+        (tmp_path / "qinit.toml").write_text("debug = true\n")
+    ended = here("fit", "nowhere.h5")
+    assert ended.code == 2
+    assert ended.err.startswith("Traceback")
+    (tmp_path / "qinit.toml").unlink(missing_ok=True)
+    monkeypatch.delenv("QINIT_DEBUG", raising=False)
+    assert "Traceback" not in here("fit", "nowhere.h5").err

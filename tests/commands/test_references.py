@@ -55,3 +55,45 @@ def test_an_artefact_with_a_dataset_of_its_owner_is_refused_in_words_and_salvage
     assert here("verify", "noted.h5", "--format", "tsv").out.splitlines()[1].split("\t")[3] == "foreign"
     assert "0 lost" in here("salvage", "noted.h5", "-o", "clean.h5").err
     assert here("fit", "clean.h5", "-o", "fit.h5").code == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("sources", ["fit", "it.h5"]),
+        ("fit", ["transfer", "zero", "it.h5"]),
+        ("fit", ["lifelong", "zero", "it.h5"]),
+        ("sources", ["tune", "ucoi", "it.h5"]),
+        ("sources", ["salvage", "it.h5"]),
+        ("sources", ["export", "it.h5", "--to", "npz"]),
+    ],
+)
+@pytest.mark.parametrize("output", ["it.h5", "./it.h5", "link.h5"])
+def test_no_output_takes_the_place_of_what_is_read(
+    kind: str, words: list[str], output: str, here: Here, pipeline: Any, tmp_path: Path
+) -> None:
+    there = getattr(pipeline, kind).read_bytes()
+    (tmp_path / "it.h5").write_bytes(there)
+    (tmp_path / "link.h5").symlink_to("it.h5")
+    ended = here(*words, "-o", output, "--force")
+    assert (ended.code, ended.out) == (2, "")
+    assert "is read by this command" in ended.err
+    assert (tmp_path / "it.h5").read_bytes() == there
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "name"),
+    [
+        ("fit", ["plot", "heatmaps"], "it.png"),
+        ("zero", ["plot", "curves"], "it.png"),
+        ("fit", ["report"], "it.html"),
+    ],
+)
+def test_no_picture_takes_the_place_of_what_it_shows(
+    kind: str, words: list[str], name: str, here: Here, pipeline: Any, tmp_path: Path
+) -> None:
+    read = pipeline.runs[kind] if kind in pipeline.runs else getattr(pipeline, kind)
+    (tmp_path / name).write_bytes(read.read_bytes())
+    ended = here(*words, f"./{name}", "-o", name, "--force")
+    assert ended.code == 2
+    assert "is read by this command" in ended.err

@@ -55,7 +55,7 @@ def bars(runs: list[str], picture: Picture, barring: Barring, reading: Reading, 
     from qinit_cli.pictures import bars as pictures
 
     file = USUAL.file(picture)
-    found = read_runs(runs, reading.store)
+    found = read_runs(runs, reading.store, output=file.path)
     drawn = pictures.drawn(
         found,
         barring.metric,

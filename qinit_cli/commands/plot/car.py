@@ -30,5 +30,5 @@ def car(sources: str, picture: Picture, reading: Reading, display: Display) -> N
     from qinit_cli.pictures import car as pictures
 
     file = USUAL.file(picture)
-    named = references.one(sources, reading.store)
+    named = references.one(sources, reading.store, output=file.path)
     publish(pictures.drawn(named, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -55,7 +55,7 @@ def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading
     from qinit_cli.pictures import curves as pictures
 
     file = USUAL.file(picture)
-    found = read_runs(runs, reading.store)
+    found = read_runs(runs, reading.store, output=file.path)
     drawn = pictures.drawn(
         found,
         curving.metric,

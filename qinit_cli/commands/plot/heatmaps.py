@@ -77,7 +77,7 @@ def heatmaps(
 
     file = USUAL.file(picture)
     drawn = pictures.drawn(
-        references.many(artefacts, reading.store),
+        references.many(artefacts, reading.store, output=file.path),
         mapping.method,
         mapping.quantity,
         logarithmic=mapping.scale == "log",

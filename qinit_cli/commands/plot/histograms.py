@@ -49,6 +49,6 @@ def histograms(sources: str, picture: Picture, binning: Binning, reading: Readin
     from qinit_cli.pictures import histograms as pictures
 
     file = USUAL.file(picture)
-    named = references.one(sources, reading.store)
+    named = references.one(sources, reading.store, output=file.path)
     drawn = pictures.drawn(named, binning.state, title=picture.title, width=USUAL.inches(picture))
     publish(drawn, file, display)

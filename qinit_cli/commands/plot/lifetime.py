@@ -39,5 +39,5 @@ def lifetime(runs: list[str], picture: Picture, reading: Reading, display: Displ
     from qinit_store.catalog import Store
 
     file, store = USUAL.file(picture), Store(Path(reading.store))
-    paths = references.many(runs, reading.store)
+    paths = references.many(runs, reading.store, output=file.path)
     publish(pictures.drawn(paths, store, title=picture.title, width=USUAL.inches(picture)), file, display)

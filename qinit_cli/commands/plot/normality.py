@@ -47,6 +47,6 @@ def normality(fit: str, picture: Picture, maps: Maps, reading: Reading, display:
     from qinit_cli.pictures import normality as pictures
 
     file = USUAL.file(picture)
-    named = references.one(fit, reading.store)
+    named = references.one(fit, reading.store, output=file.path)
     drawn = pictures.drawn(named, maps.of, maps.action, title=picture.title, width=USUAL.inches(picture))
     publish(drawn, file, display)

@@ -33,5 +33,5 @@ def occupancy(sources: list[str], picture: Picture, reading: Reading, display: D
     from qinit_cli.pictures import occupancy as pictures
 
     file = USUAL.file(picture)
-    paths = references.many(sources, reading.store)
+    paths = references.many(sources, reading.store, output=file.path)
     publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), file, display)

@@ -32,5 +32,5 @@ def posterior(runs: list[str], picture: Picture, reading: Reading, display: Disp
     from qinit_cli.pictures import posterior as pictures
 
     file = USUAL.file(picture)
-    paths = references.many(runs, reading.store)
+    paths = references.many(runs, reading.store, output=file.path)
     publish(pictures.drawn(paths, title=picture.title, width=USUAL.inches(picture)), file, display)

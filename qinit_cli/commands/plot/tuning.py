@@ -32,5 +32,5 @@ def tuning(tuning: str, picture: Picture, reading: Reading, display: Display) ->
     from qinit_cli.pictures import tuning as pictures
 
     file = USUAL.file(picture)
-    found = references.one(tuning, reading.store)
+    found = references.one(tuning, reading.store, output=file.path)
     publish(pictures.drawn(found, title=picture.title, width=USUAL.inches(picture)), file, display)

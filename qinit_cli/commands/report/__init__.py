@@ -96,7 +96,10 @@ def _material(references: list[str], reporting: Reporting, store: str) -> Materi
     folders = [Path(one) for one in given if Path(one).is_dir()]
     if not folders:
         return drawn_here.material(
-            named.many(given, store), reporting.title, reporting.question, reporting.baseline or "zero"
+            named.many(given, store, output=reporting.path),
+            reporting.title,
+            reporting.question,
+            reporting.baseline or "zero",
         )
     if len(given) > 1:
         raise UsageError(f"{folders[0]} is a folder: a page is made of one reproduction, or of artefacts")
