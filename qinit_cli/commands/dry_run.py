@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.making import place, share_of
 from qinit_cli.commands.messages import note
+from qinit_store.wording import counted, magnitude, plain
 
 if TYPE_CHECKING:
     from qinit_cli.commands.making import Plan
@@ -81,10 +82,11 @@ def say_expected(expected: Expected, output: Output, display: Display) -> None:
     if output.json:
         print(json.dumps({"schema": "qinit.dry-run/1", **asdict(expected)}, allow_nan=False))
         return
+    steps, seconds = (float(f"{value:.2g}") for value in (expected.steps, expected.seconds))
     note(
         display,
-        f"{expected.path} would hold {expected.tasks} tasks; {expected.missing} are still to be learned: about "
-        f"{expected.steps:.2g} steps in {expected.seconds:.2g} s, and {expected.bytes / 1e6:.2g} MB",
+        f"{expected.path} would hold {counted(expected.tasks, 'task')}, of which {expected.missing} still to be learned: "
+        f"about {magnitude(steps)} steps in {plain(seconds)} s, and {expected.bytes / 1e6:.2g} MB",
     )
 
 

@@ -14,6 +14,7 @@ from qinit_cli.commands.groups import DISPLAY, IMPORTS, ONE_PASS, OUTPUT, Displa
 from qinit_cli.commands.messages import Progress
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -236,7 +237,8 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
         source.check_tasks()
         left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
-            f"{source.path} has {count} sources to fit{left_out} ({selection.unsolvable} cannot be solved, {selection.unlearned} "
+            f"{source.path} has {counted(count, 'source')} to fit{left_out} ({selection.unsolvable} cannot be solved, "
+            f"{selection.unlearned} "
             f"{_unlearned(source.spec)}); a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
         )
     return selection
@@ -259,11 +261,11 @@ def _summary(arrays: dict[str, Any], asked: Asked) -> str:
     unknown = int((arrays["n"] == 0).sum())
     masked = int(arrays["n_masked"].sum())
     sentence = (
-        f"{int(selection.kept.sum())} sources fitted over {arrays['n'].size} state-actions; {masked} entries masked "
-        f"(Q not positive), {unknown} state-actions that no source knows"
+        f"{counted(int(selection.kept.sum()), 'source')} fitted over {counted(arrays['n'].size, 'state-action')}; "
+        f"{counted(masked, 'entry', 'entries')} masked (Q not positive), {counted(unknown, 'state-action')} that no source knows"
     )
     if selection.unsolvable:
-        sentence += f"; {selection.unsolvable} sources cannot be solved and are left out"
+        sentence += f"; {counted(selection.unsolvable, 'source')} that cannot be solved left out"
     if selection.unlearned:
         sentence += f"; {selection.unlearned} {_unlearned(asked.spec['sources'])}"
     return sentence

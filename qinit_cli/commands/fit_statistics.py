@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from qinit_store.wording import counted
+
 if TYPE_CHECKING:
     from qinit_cli.artefacts.fit_findings import Findings
 
@@ -62,7 +64,7 @@ def _alternatives(found: Findings) -> Iterator[str]:
 
 def _held_out(found: Findings) -> Iterator[str]:
     yield (
-        f"starts against the tables of {found['tasks']} sources left out of the fit, mean over these ± standard error:"
+        f"starts against the tables of {counted(found['tasks'], 'source')} left out of the fit, mean over these ± standard error:"
     )
     rows = [
         (

@@ -22,7 +22,7 @@ from qinit_cli.commands.transfer import (
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option
 from qinit_cli.methods import METHODS, Method
-from qinit_store.wording import shell_line
+from qinit_store.wording import counted, magnitude, plain, shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -219,7 +219,6 @@ def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.pipeline.lifelong import Known, log_std
-    from qinit_cli.report.numbers import counted
 
     with open_artefact(made.path, "run") as artefact:
         added, spread = artefact.read("added"), artefact.read("log_std")
@@ -228,12 +227,12 @@ def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     tally.extra.update(added=int(added.sum()), log_std_fitted=before, log_std=after)
     learned = tally.tasks - tally.skipped - tally.failed
     lived = (
-        f"{len(added)} tasks: already complete"
+        f"{counted(len(added), 'task')}: already complete"
         if made.complete_before
-        else f"{counted(learned, 'target')} learned one after another, {tally.steps:.3g} steps "
-        f"in {tally.seconds:.3g} kernel seconds"
+        else f"{counted(learned, 'target')} learned one after another, {magnitude(tally.steps)} steps "
+        f"in {plain(tally.seconds)} kernel seconds"
     )
     return (
-        f"{method.label} updated: {lived}; {added.mean():.0f} entries added a task; "
+        f"{method.label} updated: {lived}; {counted(round(added.mean()), 'entry', 'entries')} added a task; "
         f"sd(ln Q) {after:.3f}, as fitted {before:.3f} (medians over state-actions)"
     )

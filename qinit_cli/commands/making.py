@@ -20,7 +20,7 @@ from qinit_cli.commands.messages import Progress, compiling, detail, note, print
 from qinit_cli.errors import Interrupted, TasksFailed, UsageError
 from qinit_cli.output_file import check_one_line
 from qinit_cli.registry import PLUG_IN
-from qinit_store.wording import shell_line
+from qinit_store.wording import counted, noun, shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -204,7 +204,10 @@ def _take_over(artefact: StoreWork, asked: Integers, plan: Plan, output: Output,
         except Refused as lack:
             note(display, f"nothing is taken over from an earlier version: {lack}")
         if taken := len(artefact.saved) - before:
-            note(display, f"{taken} tasks are taken over from {relative.path}")
+            note(
+                display,
+                f"{counted(taken, 'task')} {noun(taken, 'is', 'are')} taken over from {relative.path}",
+            )
 
 
 def _learn_missing(
@@ -242,7 +245,7 @@ def _learn_missing(
                 if work.fail_fast:
                     watch.stop()
         waiting.save()
-    saved = f"{artefact.kept} of {len(asked)} tasks are saved"
+    saved = f"{artefact.kept} of {counted(len(asked), 'task')} {noun(len(asked), 'is', 'are')} saved"
     if received:
         raise Interrupted(f"stopped: {saved}; the same command goes on with the rest", 128 + received[0])
     if tally.failed and (work.fail_fast or not len(artefact.saved)):
@@ -308,16 +311,22 @@ def say_result(
     else:
         print_path(made.path)
     if tally.failed:
-        raise TasksFailed(f"{tally.failed} of {tally.tasks} tasks failed; the same command tries them again")
+        raise TasksFailed(
+            f"{tally.failed} of {counted(tally.tasks, 'task')} failed; the same command tries them again"
+        )
 
 
 def _say_what_is_there(artefact: StoreWork, tally: Tally, display: Display) -> None:
     if tally.skipped:
-        note(display, f"{tally.skipped} of {tally.tasks} tasks are saved already")
+        note(
+            display,
+            f"{tally.skipped} of {counted(tally.tasks, 'task')} {noun(tally.tasks, 'is', 'are')} saved already",
+        )
     if artefact.set_aside:
         note(
             display,
-            f"{artefact.set_aside} saved tasks were damaged; they were set aside and are learned again",
+            f"{counted(artefact.set_aside, 'saved task')} {noun(artefact.set_aside, 'was', 'were')} damaged and "
+            f"set aside, and {noun(artefact.set_aside, 'is', 'are')} learned again",
         )
 
 

@@ -11,6 +11,7 @@ from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
 from qinit_cli.errors import UsageError
+from qinit_store.wording import counted
 
 SHARE = re.compile(r"-share-\d+-of-\d+")
 
@@ -50,7 +51,7 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     join(paths, target, origin, force=rewriting.force, opening=open_artefact)
     made = describe(target)
     asked = made.spec.get("tasks", made.tasks)
-    sentence = f"{made.tasks} tasks of {len(paths)} shares"
+    sentence = f"{counted(made.tasks, 'task')} of {counted(len(paths), 'share')}"
     if made.tasks < asked:
         sentence += f"; {asked - made.tasks} of {asked} are in none of them"
     say_written(

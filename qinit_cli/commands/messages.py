@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.commands.groups import Display
 from qinit_cli.streams import in_encoding_of
 from qinit_cli.wrapping import columns, wrapped
-from qinit_store.wording import printable
+from qinit_store.wording import counted, printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -134,7 +134,7 @@ class Progress:
                 left=self._left(),
             )
         elif self._lines.due:
-            parts = (f"{self._finished} of {self._total} tasks", self._rate(), self._left())
+            parts = (f"{self._finished} of {counted(self._total, 'task')}", self._rate(), self._left())
             self._lines.say(f"{self._what}: {', '.join(part for part in parts if part)}")
 
     @property

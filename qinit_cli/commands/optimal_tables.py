@@ -10,6 +10,7 @@ from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.messages import Progress, note
 from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -60,14 +61,14 @@ class OptimalTables:
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
         note(
             self.display,
-            f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
+            f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",
         )
         # all of them, whatever share of the run is learned here
         plan = replace(plan_of(tasks, self.count), command=self.command)
         made = make(plan, self._in_store(), replace(self.work, shard=None), self.display, self.bar)
         if made.tally.failed:
             raise TasksFailed(
-                f"{made.tally.failed} of the {self.count} optimal tables failed; the same command tries again"
+                f"{made.tally.failed} of {counted(self.count, 'optimal table')} failed; the same command tries again"
             )
         self.inputs.append({"role": "optimal", "name": made.path.stem, "content_sha256": made.digest})
         with open_artefact(made.path, "sources") as artefact:
@@ -81,7 +82,7 @@ class OptimalTables:
 
         note(
             self.display,
-            f"optimal would first learn the tables of the {self.count} targets, which takes what as many sources take",
+            f"optimal would first learn the tables of {counted(self.count, 'target')}, which takes what as many sources take",
         )
         return np.zeros((self.count, math.prod(self.targets.family.shape), len(self.targets.family.actions)))
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_store.errors import SystemFailed
+from qinit_store.wording import counted, noun
 
 if TYPE_CHECKING:
     from qinit_cli.commands.making import Plan
@@ -83,8 +84,8 @@ def check_disk(size: Footprint, count: int, where: Path) -> None:
     free = status.f_bavail * status.f_frsize
     if (needed := count * size.uncompressed) > free:
         raise SystemFailed(
-            f"{count} tasks need at least {_told(needed)} on the disk of {folder}, where {_told(free)} are free; name another "
-            "--store or -o, or ask for fewer --tasks"
+            f"{counted(count, 'task')} {noun(count, 'needs', 'need')} at least {_told(needed)} on the disk of {folder}, where "
+            f"{_told(free)} are free; name another --store or -o, or ask for fewer --tasks"
         )
 
 

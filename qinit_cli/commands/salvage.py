@@ -7,7 +7,7 @@ import typer
 from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
-from qinit_store.wording import first_few, shell_line
+from qinit_store.wording import counted, first_few, shell_line
 
 
 def add_to(app: typer.Typer) -> None:
@@ -35,7 +35,7 @@ def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     target = rewriting.target(path, f"{path.stem}-salvaged.h5")
     lost = mend(path, target, provenance(path), force=rewriting.force, opening=open_doubtful).tolist()
     kept = describe(target).tasks
-    sentence = f"{kept} tasks kept, {len(lost)} lost"
+    sentence = f"{counted(kept, 'task')} kept, {len(lost)} lost"
     if lost:
         sentence += f" ({first_few(lost, 10)}); the command that made it, with {shell_line('-o', target)}, learns them again"
     say_written(target, "qinit.salvage/1", {"tasks": kept, "lost": lost}, sentence, rewriting, display)

@@ -17,6 +17,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, flag, option
 from qinit_cli.learning import Learning
+from qinit_store.wording import counted, magnitude, plain
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -112,7 +113,7 @@ def train_sources(
         say_expected(foresee(plan, trial, tasks.learning.episodes, tried, output, work), output, display)
         return
     made = make(plan, output, work, display)
-    sentence, warnings = f"{made.tally.tasks} tasks: already complete", list[str]()
+    sentence, warnings = f"{counted(made.tally.tasks, 'task')}: already complete", list[str]()
     if not made.complete_before:
         sentence, warnings = _summary(made, tasks)
     warn(made, before, warnings, display)
@@ -166,7 +167,6 @@ def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
     """What was learned and how well, and what makes it worth little; the errors also go into the tally."""
     from qinit_cli.environments.family import draw_tasks
     from qinit_cli.pipeline.degenerate import SourcesLearned, of_sources
-    from qinit_cli.report.numbers import counted
     from qinit_cli.seeding import Stream
 
     tally = made.tally
@@ -178,7 +178,7 @@ def _summary(made: Made, tasks: SourceTasks) -> tuple[str, list[str]]:
     )
     count, learned = len(found.ids), tally.tasks - tally.skipped - tally.failed
     sentence = (
-        f"{counted(learned, 'task')} learned, {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds; "
+        f"{counted(learned, 'task')} learned, {magnitude(tally.steps)} steps in {plain(tally.seconds)} kernel seconds; "
         f"{solved} of {count} solved"
     )
     if solvable < count:
@@ -212,8 +212,8 @@ def _told(errors: dict[str, Any]) -> str:
     if median is None:
         return "; relative error against exact tables: unknown, as these have no value above 0"
     return (
-        f"; relative error against exact tables: median {median:.2%} over {errors['error_tasks']} tasks, {worst:.2%} in "
-        f"the worst, task {errors['worst_task']}"
+        f"; relative error against exact tables: median {median:.2%} over {counted(errors['error_tasks'], 'task')}, "
+        f"{worst:.2%} in the worst, task {errors['worst_task']}"
     )
 
 

@@ -19,6 +19,7 @@ from qinit_cli.fields import check, flag, option, options, tunable
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Initial, Method
 from qinit_cli.nearest import nearest
+from qinit_store.wording import counted, magnitude, noun, plain
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags
@@ -217,7 +218,7 @@ def transfer(
     unsolvable = found.unsolvable
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
     warn(made, targets.family.warning, of_targets(targets.learning, found), display)
-    already = f"{method.label}, {made.tally.tasks} targets: already complete"
+    already = f"{method.label}, {counted(made.tally.tasks, 'target')}: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
@@ -379,15 +380,16 @@ def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
 
 
 def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
-    from qinit_cli.report.numbers import counted
-
     learned = tally.tasks - tally.skipped - tally.failed
     sentence = f"{method.label}: {counted(learned, 'target')} learned"
-    sentence += f", {tally.steps:.3g} steps in {tally.seconds:.3g} kernel seconds"
+    sentence += f", {magnitude(tally.steps)} steps in {plain(tally.seconds)} kernel seconds"
     if unsolvable:
-        sentence += f"; {unsolvable} targets cannot be solved, and stay"
+        sentence += (
+            f"; {counted(unsolvable, 'target')} cannot be solved, and {noun(unsolvable, 'stays', 'stay')}"
+        )
     if initial.filled:
-        sentence += f"; {initial.filled} state-actions that no source knows were filled"
+        sentence += f"; {counted(initial.filled, 'state-action')} that no source knows {noun(initial.filled, 'was', 'were')} "
+        sentence += "filled"
     if initial.clipped:
-        sentence += f"; {initial.clipped} starting values were clipped to [0, 1]"
+        sentence += f"; {counted(initial.clipped, 'starting value')} clipped to [0, 1]"
     return sentence

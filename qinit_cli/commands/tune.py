@@ -18,7 +18,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fields import check, flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
-from qinit_store.wording import shell_line
+from qinit_store.wording import counted, shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -134,7 +134,7 @@ def tune(
         note(display, said)
     if made.tally.failed:
         raise TasksFailed(
-            f"{made.tally.failed} of {made.tally.tasks} sources failed; the same command tries them again"
+            f"{made.tally.failed} of {counted(made.tally.tasks, 'source')} failed; the same command tries them again"
         )
 
 
@@ -192,7 +192,7 @@ def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) 
         schema=tuning_schema(tuple(values), len(tried)),
         learn=rehearsal,
         kernel=f"{family.name} targets",
-        what=f"{len(tried)} candidates",
+        what=counted(len(tried), "candidate"),
         read=source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
         learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
@@ -242,7 +242,7 @@ def _rehearsal(source: Artefact, tried: list[Method], rehearsing: Rehearsing) ->
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(
-            f"{source.path} has {int(selection.kept.sum())} sources to learn from; tune needs at least {2 * FOLDS}: "
+            f"{source.path} has {counted(int(selection.kept.sum()), 'source')} to learn from; tune needs at least {2 * FOLDS}: "
             "ask train-sources for more --tasks"
         )
     fold = folds(selection.kept)

@@ -17,6 +17,7 @@ from qinit_cli.comparison.source_sets import Entry, Group, grouped, told_of_grou
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
+from qinit_store.wording import noun
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
@@ -114,7 +115,7 @@ def _title(group: Group, words: Words) -> str:
     """The distribution, `words` but for what is told of the targets, and the targets."""
     targets, episodes = group.any_run.steps.shape
     anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
-    counted = f"{episodes} {group.any_run.unit}{anywhere}"
+    counted = f"{episodes} {noun(episodes, group.any_run.unit.removesuffix('s'))}{anywhere}"
     said = {"seed", "tasks", "learning start"} | (
         {"learning episodes"} if group.any_run.unit == "episodes" else set()
     )
@@ -124,10 +125,11 @@ def _title(group: Group, words: Words) -> str:
         if key.startswith(OF_SOURCES) or key.partition(" ")[2] not in said
     }
     label = with_words(label_of(group.any_run.spec), joined(others))
+    told = f"{targets} {noun(targets, 'target')}"
     if not group.shared:
-        return f"{label}, {group.sets} source sets, {targets} targets of each, {counted}"
+        return f"{label}, {group.sets} source sets, {told} of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
-    return f"{label}, {sets}{targets} targets of seed {group.any_run.spec['seed']}, {counted}"
+    return f"{label}, {sets}{told} of seed {group.any_run.spec['seed']}, {counted}"
 
 
 def _check_baseline(comparisons: list[Comparison], baseline: str) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.errors import NotAllowed
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,7 +62,7 @@ class Run:
     def first(self, count: int) -> Run:
         """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""
         if count > len(self.steps):
-            raise NotAllowed(f"{self.name} has {len(self.steps)} targets; {count} are needed")
+            raise NotAllowed(f"{self.name} has {counted(len(self.steps), 'target')}; {count} are needed")
         drawn = tuple(values[:count] for values in self.drawn)
         return replace(
             self,

@@ -10,6 +10,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import COLUMN
 from qinit_cli.pictures.names import METRIC_LABELS, listed, marked, number
 from qinit_cli.pictures.order import KINDS, of_kind, ordered
+from qinit_store.wording import noun
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
@@ -93,7 +94,7 @@ def _alt(panels: Sequence[Panel], label: str) -> str:
 def _band_words(group: Group) -> str:
     targets = len(group.any_run.steps)
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
-    return f"95 %, {sets}{targets} targets{'' if group.shared else ' of each'}"
+    return f"95 %, {sets}{targets} {noun(targets, 'target')}{'' if group.shared else ' of each'}"
 
 
 def _met_the_first(group: Group, of: Group) -> bool:
@@ -108,7 +109,8 @@ def _lines(whole: Group, groups: Sequence[Group], metric: Metric, smooth: int) -
     lines = [_curve(entry, whole, metric, smooth) for entry in whole.entries]
     for group in groups:
         if _met_the_first(group, whole):
-            few = f", first {len(group.any_run.steps)} targets"
+            count = len(group.any_run.steps)
+            few = f", first {count} targets" if count > 1 else ", first target"
             lines += [_curve(entry, group, metric, smooth, few) for entry in group.entries]
     return ordered(lines)
 

@@ -11,6 +11,7 @@ from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import legible, listed
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.figures.drawn import Drawn
@@ -84,7 +85,7 @@ def _alt(shown: Sequence[Lived]) -> str:
     parts = []
     for each in shown:
         mean, last = each.earned.mean(), each.smooth[-1]
-        said = f"{each.label}: mean return {mean:.4f} over {len(each.earned)} tasks, {last:.4f} over the last"
+        said = f"{each.label}: mean return {mean:.4f} over {counted(len(each.earned), 'task')}, {last:.4f} over the last"
         if len(each.spread):
             said += f", sd(ln Q) from {each.spread[0]:.3f} after the first task to {each.spread[-1]:.3f}"
         if isfinite(each.fitted):

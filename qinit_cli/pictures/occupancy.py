@@ -16,6 +16,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import COLUMN, TEXT
 from qinit_cli.pictures.distributions import distributions, learned_otherwise, named
 from qinit_cli.pictures.names import listed, place, sides
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Tasks
@@ -73,8 +74,8 @@ def _shown(name: str, one: Distribution) -> Visits:
 def _alt(shown: list[Visits], own: str) -> str:
     """How many states each distribution's paths visit, and how often."""
     parts = [
-        f"{each.name.replace(chr(10), ', ')}: {each.words}, {int((each.counts > 0).sum())} states visited, "
-        f"{int(each.counts.sum())} visits, at most {int(each.counts.max())} to one state"
+        f"{each.name.replace(chr(10), ', ')}: {each.words}, {counted(int((each.counts > 0).sum()), 'state')} visited, "
+        f"{counted(int(each.counts.sum()), 'visit')}, at most {int(each.counts.max())} to one state"
         for each in shown
     ]
     outlines = ", and the outlines of all" if len(shown) > 1 else ""

@@ -11,6 +11,7 @@ from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import legible, listed
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -91,6 +92,6 @@ def _alt(shown: list[Weighed], groups: dict[str, list[Any]]) -> str:
         targets, never = sum(len(weights) for _, weights, _ in found), sum(count for *_, count in found)
         parts.append(
             f"{each.label}: from {each.number[1, 0]:.0f} to {each.number[1, -1]:.1f} sources, the heaviest at last "
-            f"{each.share[1, -1]:.2f} (medians of {targets} targets, {never} of which never froze)"
+            f"{each.share[1, -1]:.2f} (medians of {counted(targets, 'target')}, {never} of which never froze)"
         )
     return f"Effective number of sources and weight of the heaviest over {shown[0].moments[-1]} episodes. {listed(parts)}."

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from qinit_cli.learning import Learning
+from qinit_store.wording import counted, magnitude
 
 ALIKE = 1e-3  # relative: values that differ by less tell no state from another
 SAME = 1e-9  # relative: values that differ by less differ by rounding
@@ -43,7 +44,7 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
         return
     if found.positive < found.tasks:
         lost = found.tasks - found.positive
-        yield f"{lost} of {found.tasks} sources never met the goal: all their values are 0"
+        yield f"{lost} of {counted(found.tasks, 'source')} never met the goal: all their values are 0"
     yield from _of_values(learning.gamma, found.least, found.largest)
     if not found.solvable:
         yield (
@@ -116,7 +117,7 @@ def _nothing_met(exact: bool, learning: Learning, anywhere: bool) -> str:
     more = "more --episodes or a longer --horizon"
     if learning.start == "fixed" and anywhere:
         more = "more --episodes, a longer --horizon, or --start anywhere"
-    return f"no source met the goal in {learning.episodes} episodes of --horizon {learning.horizon} (ask for {more})"
+    return f"no source met the goal in {counted(learning.episodes, 'episode')} of --horizon {learning.horizon} (ask for {more})"
 
 
 def _of_values(gamma: float, least: float, largest: float) -> Iterator[str]:
@@ -131,7 +132,7 @@ def _of_step_size(learning: Learning, steps: float) -> Iterator[str]:
     moved = -math.expm1(steps * math.log1p(-learning.alpha)) if learning.alpha < 1 else 1.0
     if steps and moved < UNMOVED:
         yield (
-            f"with --alpha {learning.alpha:g} the {steps:.3g} steps of a task move a value by no more than {moved:.2g} of "
+            f"with --alpha {learning.alpha:g} the {magnitude(steps)} steps of a task move a value by no more than {moved:.2g} of "
             "the way to its target"
         )
     if learning.alpha == 1:

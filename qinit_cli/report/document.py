@@ -9,7 +9,7 @@ from typing import Any
 
 from qinit_cli.report import comparison, judged, origin, settings, tuned
 from qinit_cli.report.content import Block, Figure, Page, Pairs, Points, Section, Subheading, Text
-from qinit_cli.report.numbers import counted
+from qinit_store.wording import counted
 
 NAMES = {  # of the kinds, in the order of the pipeline: one, several
     "sources": ("set of sources", "sets of sources"),

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from qinit_cli.report.content import Block, Cell, Column, Folded, Judgement, Points, Table
-from qinit_cli.report.numbers import NOTHING, counted, interval, number
+from qinit_cli.report.numbers import NOTHING, interval, number
+from qinit_store.wording import counted
 
 Verdict = dict[str, Any]
 

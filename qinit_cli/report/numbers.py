@@ -45,11 +45,6 @@ def minus(text: str) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def counted(count: int, one: str, several: str = "") -> str:
-    """1 task, 2 tasks."""
-    return f"{count:,} {one if count == 1 else several or f'{one}s'}"
-
-
 def listed(words: Sequence[str]) -> str:
     """One, two and three."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from qinit_cli.report.content import Block, Cell, Column, Folded, Pairs, Table, Text
-from qinit_cli.report.numbers import counted
+from qinit_store.wording import counted
 
 Described = dict[str, Any]  # kind, name, spec_sha256, content_sha256, provenance, inputs
 

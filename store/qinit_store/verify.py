@@ -17,7 +17,7 @@ from pathlib import Path
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
 from qinit_store.interpreter import isolated
 from qinit_store.presence import exists
-from qinit_store.wording import first_few, shell_line
+from qinit_store.wording import counted, first_few, noun, shell_line
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
@@ -52,8 +52,8 @@ class Verdict:
         """Damaged, naming the tasks, unless all holds; SystemFailed where it was not read to the end."""
         if self.damaged:
             raise Damaged(
-                f"{self.path} is damaged: {len(self.damaged)} of {self.tasks} tasks do not hold"
-                f" ({first_few(self.damaged, 10)});"
+                f"{self.path} is damaged: {len(self.damaged)} of {counted(self.tasks, 'task')} "
+                f"{noun(len(self.damaged), 'does', 'do')} not hold ({first_few(self.damaged, 10)});"
                 f" `{shell_line('qinit', 'salvage', self.path)}` keeps the others"
             )
         if self.problem:

@@ -31,6 +31,30 @@ def printable(text: object, *, keep: str = "") -> str:
     return "".join(char if char in keep or _shown(char) else _written_out(char) for char in words)
 
 
+def noun(count: int, one: str, several: str = "") -> str:
+    """The word for so many: task, tasks."""
+    return one if count == 1 else several or f"{one}s"
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """1 task, 2 tasks."""
+    return f"{count:,} {noun(count, one, several)}"
+
+
+def magnitude(count: float) -> str:
+    """A count as people read it: 950, 12,345, and from a million on three digits, 636 M or 1.2 G."""
+    size = abs(count)
+    if size < 999_999.5:
+        return f"{count:,.0f}"
+    unit, name = (1e9, "G") if float(f"{size:.3g}") >= 1e9 else (1e6, "M")
+    return f"{float(f'{count:.3g}') / unit:g} {name}"
+
+
+def plain(value: float) -> str:
+    """A measure with three digits, from a thousand on whole: 0.21, 12.3, 12,345."""
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
+
+
 def shell_line(*words: object) -> str:
     """A command of these words as a shell reads it, each quoted where it needs to be: `qinit verify 'a b.h5'`."""
     return " ".join(map(_quoted, words))

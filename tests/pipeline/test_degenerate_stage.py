@@ -62,7 +62,7 @@ def test_nothing_is_said_of_what_was_learned() -> None:
             "q-learning",
             {"alpha": 1e-9},
             {},
-            "with --alpha 1e-09 the 1e\\+04 steps of a task move a value by no more than 1e-05",
+            "with --alpha 1e-09 the 10,000 steps of a task move a value by no more than 1e-05",
         ),
         ("q-learning", {"alpha": 1.0}, {}, "with --alpha 1 a value is its last sample"),
         ("q-learning", {"epsilon": 0.0}, {}, "with --epsilon 0 a source explores only"),

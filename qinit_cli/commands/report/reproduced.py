@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.report.numbers import counted
-from qinit_store.wording import shell_line
+from qinit_store.wording import counted, shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.report.content import Figure

@@ -13,6 +13,7 @@ from qinit_cli.commands.messages import note
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
 from qinit_cli.commands.reproduce.manifest import Spent
 from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
+from qinit_store.wording import counted, magnitude
 
 KINDS: dict[type[Artefact], str] = {Sources: "sources", Fit: "fits", Run: "runs"}
 
@@ -67,12 +68,12 @@ class Ahead:
         """The same in a few lines on stderr."""
         note(
             display,
-            f"{self.target} at {self.scale} scale: {len(self.artefacts)} artefacts, {len(self.takes)} still to be made; "
-            f"{len(self.files)} pictures and tables, {self.undrawn} still to be drawn",
+            f"{self.target} at {self.scale} scale: {counted(len(self.artefacts), 'artefact')}, "
+            f"{len(self.takes)} still to be made; {len(self.files)} pictures and tables, {self.undrawn} still to be drawn",
         )
         for kind, stage in self.stages().items():
             if stage["missing"]:
-                steps = f"{stage['steps']:.2g} steps, " if stage["steps"] else ""
+                steps = f"{magnitude(stage['steps'])} steps, " if stage["steps"] else ""
                 note(
                     display,
                     f"  {kind}: {stage['missing']} of {stage['artefacts']}, {steps}about {duration(stage['seconds'])}",
@@ -81,7 +82,7 @@ class Ahead:
             total = self.total
             note(
                 display,
-                f"  in all about {duration(total.seconds)} with {self.jobs} jobs, and {total.bytes / 1e6:.3g} MB in "
+                f"  in all about {duration(total.seconds)} with {counted(self.jobs, 'job')}, and {total.bytes / 1e6:.3g} MB in "
                 f"{self.store}, where {self.free / 1e9:.3g} GB are free",
             )
 
@@ -101,7 +102,7 @@ def say_spent(target: str, spent: Mapping[str, Spent], seconds: float, display: 
     width = max(len(stage) for stage in spent)
     note(display, f"{'':{width}}  {'made':>5}  {'seconds':>8}  {'steps':>8}")
     for stage, own in spent.items():
-        steps = f"{own.steps:.3g}" if own.steps else ""
+        steps = magnitude(own.steps) if own.steps else ""
         note(display, f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
     note(display, f"{target}: complete, {duration(seconds)}")
 
