@@ -236,7 +236,8 @@ def _learn_missing(
         signals.asking_first(watch.stop) as received,
         bar(display, plan.what, tally.skipped, len(asked), watch) as progress,
     ):
-        for learned in crew(missing, progress.tick):
+        tick = _Ticking(progress, watch, display)
+        for learned in crew(missing, tick):
             waiting.add(learned.ids, learned.rows)
             progress.advance(len(learned.ids))
             for task, error in learned.failures:
@@ -328,6 +329,24 @@ def _say_what_is_there(artefact: StoreWork, tally: Tally, display: Display) -> N
             f"{counted(artefact.set_aside, 'saved task')} {noun(artefact.set_aside, 'was', 'were')} damaged and "
             f"set aside, and {noun(artefact.set_aside, 'is', 'are')} learned again",
         )
+
+
+@dataclass
+class _Ticking:
+    """Shows progress, and once that learning was stopped while a kernel is compiled, which nothing interrupts."""
+
+    progress: Progress
+    watch: Watch
+    display: Display
+    told: bool = False
+
+    def __call__(self) -> None:
+        from qinit_cli.kernels.compiled import compiling as under_way
+
+        self.progress.tick()
+        if self.watch.stopped and not self.told and under_way():
+            self.told = True
+            note(self.display, "stopping once the kernel is compiled; a second signal does not wait for that")
 
 
 class _Waiting:

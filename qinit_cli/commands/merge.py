@@ -9,8 +9,8 @@ import typer
 
 from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, Display
+from qinit_cli.commands.messages import note
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
-from qinit_cli.errors import UsageError
 from qinit_store.wording import counted
 
 SHARE = re.compile(r"-share-\d+-of-\d+")
@@ -41,8 +41,7 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     from qinit_store.mend import merge as join
     from qinit_store.reading import describe
 
-    paths = references.many(artefacts, rewriting.store)
-    _check_named_once(paths)
+    paths = _each_once(references.many(artefacts, rewriting.store), display)
     whole = SHARE.sub("", paths[0].name)
     name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
     origin = provenance() | plug_ins_behind(paths[0])
@@ -59,9 +58,10 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     )
 
 
-def _check_named_once(paths: list[Path]) -> None:
-    """UsageError where a share is named twice: another one was meant."""
-    files = [path.resolve() for path in paths]
-    for place, path in enumerate(paths):
-        if files[place] in files[:place]:
-            raise UsageError(f"{path} is named twice; name each share once")
+def _each_once(paths: list[Path], display: Display) -> list[Path]:
+    """The paths without those of a file that is named already, which are noted."""
+    files: dict[Path, Path] = {}
+    for path in paths:
+        if files.setdefault(path.resolve(), path) is not path:
+            note(display, f"{path} is named twice and counts once")
+    return list(files.values())

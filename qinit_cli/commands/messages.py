@@ -5,8 +5,8 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.groups import Display
@@ -114,7 +114,11 @@ class Progress:
 
     def advance(self, tasks: int) -> None:
         """Counts tasks that were handed in."""
-        self._done += tasks
+        self.reach(self._done + tasks)
+
+    def reach(self, tasks: int) -> None:
+        """Shows that so many tasks in all were handed in."""
+        self._done = tasks
         self.tick()
 
     def counting(self, blocks: Iterable[Mapping[str, Any]]) -> Iterator[Any]:
@@ -160,12 +164,29 @@ class Progress:
         return f"{clock(seconds * (1.0 - share) / share)} left" if share and seconds >= ETA_AFTER else ""
 
 
+@contextmanager
+def reading(display: Display, what: str) -> Iterator[Callable[[int, int], None]]:
+    """Within the block, what shows how many tasks of how many are read; nothing is shown before it is first called."""
+    from qinit_cli.watch import Watch
+
+    with ExitStack() as stack:
+        shown: list[Progress] = []
+
+        def tell(read: int, tasks: int) -> None:
+            if not shown:
+                shown.append(stack.enter_context(Progress(display, what, 0, tasks, Watch())))
+            shown[0].reach(read)
+
+        yield tell
+
+
 class Lines:
     """Plain lines of progress, where there is no terminal: the first after some seconds, for short work none at all."""
 
     def __init__(self, display: Display) -> None:
         self._quiet = display.quiet
         self._next = time.monotonic() + FIRST_LINE
+        self._said = ""
 
     @property
     def due(self) -> bool:
@@ -173,9 +194,11 @@ class Lines:
         return not self._quiet and time.monotonic() >= self._next
 
     def say(self, text: str) -> None:
-        """Prints a line on stderr."""
+        """Prints a line on stderr, unless it is the same as the one before."""
         self._next = time.monotonic() + PLAIN_INTERVAL
-        say(text)
+        if text != self._said:
+            say(text)
+        self._said = text
 
 
 def clock(seconds: float) -> str:

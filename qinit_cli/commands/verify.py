@@ -32,10 +32,14 @@ def add_to(app: typer.Typer) -> None:
 def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints one row per artefact; Damaged for the first that does not hold, once all were read."""
     from qinit_cli.commands import references
+    from qinit_cli.commands.messages import reading as in_progress
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.verify import verify as examine
 
-    verdicts = [examine(path, opening=OPENING) for path in references.many(artefacts, reading.store)]
+    verdicts = []
+    for path in references.many(artefacts, reading.store):
+        with in_progress(display, f"verifying {path.name}") as told:
+            verdicts.append(examine(path, opening=OPENING, told=told))
     columns = [
         TableColumn("artefact"),
         TableColumn("kind"),

@@ -96,6 +96,14 @@ def heard(tell: Callable[[str], None]) -> Iterator[None]:
         _hearing.remove(tell)
 
 
+_under_way: list[str] = []  # modules whose functions are being compiled, the innermost last
+
+
+def compiling() -> bool:
+    """Whether a function is being compiled, which nothing interrupts."""
+    return bool(_under_way)
+
+
 def _tell(module: str) -> None:
     if _hearing:
         _hearing[-1](module)
@@ -223,10 +231,12 @@ def _numba() -> Any:
 
     class Compiling(event.Listener):
         def on_start(self, event: Any) -> None:
-            _tell(event.data["dispatcher"].py_func.__module__)
+            module = event.data["dispatcher"].py_func.__module__
+            _under_way.append(module)
+            _tell(module)
 
         def on_end(self, event: Any) -> None:
-            pass
+            _under_way.pop()
 
     events: Any = event  # has no types
     events.register("numba:compile", Compiling())

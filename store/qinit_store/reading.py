@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -233,10 +233,16 @@ class Artefact:
         rows = {name: read[name] if name in read else self._ahead[name][first:stop].copy() for name in names}
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
-    def damaged_tasks(self) -> Array:
-        """The ids of the tasks that cannot be read, whose digest does not hold, or that hold a value that cannot be."""
-        found = [self._damaged(first) for first in range(0, self.task_count, self.schema.block_size)]
-        return np.concatenate([self.tasks[:0], *found])
+    def damaged_tasks(self, told: Callable[[int, int], None] = lambda read, tasks: None) -> Array:
+        """The ids of the tasks that cannot be read, whose digest does not hold, or that hold a value that cannot be.
+
+        `told` receives how many tasks of how many have been read, after each block.
+        """
+        found = [self.tasks[:0]]
+        for first in range(0, self.task_count, self.schema.block_size):
+            found.append(self._damaged(first))
+            told(min(first + self.schema.block_size, self.task_count), self.task_count)
+        return np.concatenate(found)
 
     def _damaged(self, first: int) -> Array:
         stop = min(first + self.schema.block_size, self.task_count)

@@ -7,21 +7,28 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import IO, cast
 
 from qinit_store.errors import Damaged, NotFound, NotOurs, StoreError, SystemFailed, TooNew
 from qinit_store.interpreter import isolated
 from qinit_store.presence import exists
-from qinit_store.wording import counted, first_few, noun, shell_line
+from qinit_store.wording import counted, first_few, shell_line
 
 MEMORY = 3 * 1024**3  # address space, of which numpy's thread pools alone take a few hundred MB
 SECONDS = 600
 UNREAD = "unread"
+PROGRESS = re.compile(rb"read (\d{1,10}) of (\d{1,10})\n")  # a line of the child
+PROGRESS_SECONDS = 0.2  # between two of them
 PROGRAM = "from qinit_store.verify import child; child(sys.argv[1:])"
 OPENING = "qinit_store.reading:open_doubtful"
 PACKAGES = ("qinit_store", "numpy", "h5py")  # what it imports from elsewhere than the standard library
@@ -52,19 +59,27 @@ class Verdict:
         """Damaged, naming the tasks, unless all holds; SystemFailed where it was not read to the end."""
         if self.damaged:
             raise Damaged(
-                f"{self.path} is damaged: {len(self.damaged)} of {counted(self.tasks, 'task')} "
-                f"{noun(len(self.damaged), 'does', 'do')} not hold ({first_few(self.damaged, 10)});"
+                f"{self.path} is damaged: {len(self.damaged)} of {counted(self.tasks, 'task')} do not hold "
+                f"({first_few(self.damaged, 10)});"
                 f" `{shell_line('qinit', 'salvage', self.path)}` keeps the others"
             )
         if self.problem:
             raise ERRORS[self.state](self.problem)
 
 
-def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS, opening: str = OPENING) -> Verdict:
+def verify(
+    path: Path,
+    *,
+    memory: int = MEMORY,
+    seconds: int = SECONDS,
+    opening: str = OPENING,
+    told: Callable[[int, int], None] = lambda read, tasks: None,
+) -> Verdict:
     """What a child process limited to `memory` bytes and `seconds` finds, or to less where this process may have no more.
 
     `opening` is the function, MODULE:NAME, that opens the file there and knows what it must hold besides its digests. A child
-    that a limit ends says nothing of the file: "unread". NotFound where there is nothing.
+    that a limit ends says nothing of the file: "unread". While it reads, `told` receives how many tasks of how many it has
+    read. NotFound where there is nothing.
     """
     if not exists(path):
         raise NotFound(f"there is no {path}; `qinit list` shows what the store holds")
@@ -72,10 +87,8 @@ def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS, opening:
     packages = (*PACKAGES, opening.partition(".")[0])
     command = isolated(PROGRAM, packages, str(path), str(memory), str(seconds), opening)
     try:
-        done = subprocess.run(
-            command, capture_output=True, timeout=seconds + 30, env=_environment(), check=False
-        )
-    except subprocess.TimeoutExpired:
+        done = _run(command, seconds + 30, told)
+    except (TimeoutError, subprocess.TimeoutExpired):
         return _ran_out(path, "processor time", f"{seconds} s")
     if done.returncode == -signal.SIGXCPU:
         return _ran_out(path, "processor time", f"{seconds} s")
@@ -95,8 +108,35 @@ def verify(path: Path, *, memory: int = MEMORY, seconds: int = SECONDS, opening:
     return Verdict(**{**found, "path": path, "damaged": tuple(found["damaged"])})
 
 
+def _run(
+    command: list[str], seconds: int, told: Callable[[int, int], None]
+) -> subprocess.CompletedProcess[bytes]:
+    """The child's end: the last line that it printed, and its stderr; the lines before it are its progress.
+
+    TimeoutError or subprocess.TimeoutExpired where it takes longer.
+    """
+    end, verdict = time.monotonic() + seconds, b""
+    pipe = subprocess.PIPE
+    with (
+        ThreadPoolExecutor(2) as readers,
+        subprocess.Popen(command, stdout=pipe, stderr=pipe, env=_environment()) as process,
+    ):
+        try:
+            printed, complaints = cast(IO[bytes], process.stdout), cast(IO[bytes], process.stderr)
+            errors = readers.submit(complaints.read)
+            while line := readers.submit(printed.readline).result(end - time.monotonic()):
+                verdict = line
+                if progress := PROGRESS.fullmatch(line):
+                    told(int(progress[1]), int(progress[2]))
+            code = process.wait(max(0.0, end - time.monotonic()))
+            return subprocess.CompletedProcess(command, code, verdict, errors.result())
+        except BaseException:
+            process.kill()
+            raise
+
+
 def child(arguments: list[str]) -> None:
-    """What the child process does: limit itself, read, print its verdict as JSON."""
+    """What the child process does: limit itself, read, print how far it is and at last its verdict as JSON."""
     path, memory, seconds, opening = Path(arguments[0]), int(arguments[1]), int(arguments[2]), arguments[3]
     for limit, most in (
         (resource.RLIMIT_AS, memory),
@@ -110,6 +150,18 @@ def child(arguments: list[str]) -> None:
     except MemoryError:
         found = OUT_OF_MEMORY
     print(json.dumps(found))
+
+
+class _Telling:
+    """Prints how many tasks are read, now and then."""
+
+    def __init__(self) -> None:
+        self._next = time.monotonic() + PROGRESS_SECONDS
+
+    def __call__(self, read: int, tasks: int) -> None:
+        if time.monotonic() >= self._next:
+            print(f"read {read} of {tasks}", flush=True)
+            self._next = time.monotonic() + PROGRESS_SECONDS
 
 
 def _soft(limit: int, wanted: int) -> int:
@@ -130,7 +182,7 @@ def _examined(path: Path, opening: str) -> Verdict:
     module, _, name = opening.partition(":")
     try:  # imported here, so that what h5py does is done under the limits
         with getattr(import_module(module), name)(path) as artefact:
-            damaged = tuple(artefact.damaged_tasks().tolist())
+            damaged = tuple(artefact.damaged_tasks(_Telling()).tolist())
             state, problem = "sound", ""
             if artefact.strangeness:
                 state, problem = NotOurs.state, artefact.strangeness

@@ -144,11 +144,13 @@ def test_what_is_no_share_is_refused(here: Callable[..., Any], shard: str) -> No
     assert "K/N" in ended.err
 
 
-def test_a_share_that_is_named_twice_is_refused(here: Callable[..., Any], run: Callable[..., Any]) -> None:
-    first, _ = shares_of(run, SOURCES, 2)
-    ended = here("merge", first["path"], Path(first["path"]).absolute())
-    assert ended.code == 2
-    assert "is named twice" in ended.err
+def test_a_share_that_is_named_twice_counts_once(here: Callable[..., Any], run: Callable[..., Any]) -> None:
+    first, second = (share["path"] for share in shares_of(run, SOURCES, 2))
+    ended = here("merge", first, Path(first).absolute(), second)
+    assert ended.code == 0
+    twice, summary = ended.err.splitlines()
+    assert "is named twice and counts once" in twice
+    assert summary == "7 tasks of 2 shares"
 
 
 def test_the_whole_never_replaces_a_share(here: Callable[..., Any], run: Callable[..., Any]) -> None:

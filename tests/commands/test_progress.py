@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.commands import messages
+from qinit_cli.commands import making, messages
 from qinit_cli.commands.groups import Display
+from qinit_cli.kernels import compiled
 from qinit_cli.pipeline import workers as workforce
 from qinit_cli.watch import Watch
 
@@ -127,3 +128,37 @@ def test_a_fit_counts_its_sources(here: Any, pipeline: Any, impatient: None, tmp
     ended = here("fit", pipeline.sources, "-o", tmp_path / "fit.h5")
     assert ended.code == 0, ended.err
     assert re.search(r"^fit: 4 of 4 tasks, [\d.,e+]+ tasks/s", ended.err, re.MULTILINE)
+
+
+def test_the_same_line_is_not_printed_twice(impatient: None, capsys: pytest.CaptureFixture[str]) -> None:
+    progress = messages.Progress(Display(), "sources", 0, 20, Watch())
+    for _ in range(3):  # while a kernel is compiled
+        progress.tick()
+    progress.advance(1)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines] == ["sources: 0 of 20 tasks", "sources: 1 of 20 tasks"]
+
+
+def test_reading_shows_how_many_tasks_are_read(impatient: None, capsys: pytest.CaptureFixture[str]) -> None:
+    with messages.reading(Display(), "verifying a.h5") as told:
+        for read in (10, 20):
+            told(read, 20)
+    assert [line.partition(",")[0] for line in capsys.readouterr().err.splitlines()] == [
+        "verifying a.h5: 10 of 20 tasks",
+        "verifying a.h5: 20 of 20 tasks",
+    ]
+
+
+def test_a_signal_while_a_kernel_is_compiled_is_answered(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch = Watch()
+    tick = making._Ticking(messages.Progress(Display(), "sources", 0, 20, watch), watch, Display())
+    monkeypatch.setattr(compiled, "_under_way", ["qinit_cli.kernels.gridworld"])
+    tick()
+    assert capsys.readouterr().err == ""
+    watch.stop()
+    tick()
+    tick()
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith("stopping once the kernel is compiled")

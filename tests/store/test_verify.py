@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+
 import h5py
 import numpy as np
 import pytest
 from fakes import LIGHT, SOURCES, make_fit, make_sources, one_task, rows_for, spec_for, statics_for
 
+from qinit_store import verify as verifying
 from qinit_store.errors import Damaged, NotFound, Refused
 from qinit_store.mend import merge, salvage
 from qinit_store.reading import describe, open_artefact
@@ -174,3 +177,24 @@ def test_runs_whose_starts_differ_are_not_merged(tmp_path):
     )
     with pytest.raises(Refused, match="differ in what their tasks share"):
         merge([one, other], tmp_path / "merged.h5", {})
+
+
+def test_how_much_is_read_is_told_block_by_block(tmp_path):
+    told = []
+    with open_artefact(make_sources(tmp_path / "a.h5")) as artefact:
+        assert not artefact.damaged_tasks(lambda *read: told.append(read)).size
+        size = artefact.schema.block_size
+    assert told == [(min(first + size, 6), 6) for first in range(0, 6, size)]
+
+
+def test_the_child_tells_its_progress_before_its_verdict():
+    program = "print('read 3 of 9', flush=True); print('read 9 of 9'); print('{}'); import sys; sys.exit(4)"
+    told = []
+    done = verifying._run([sys.executable, "-c", program], 60, lambda *read: told.append(read))
+    assert told == [(3, 9), (9, 9)]
+    assert (done.returncode, done.stdout) == (4, b"{}\n")
+
+
+def test_a_child_that_takes_too_long_is_ended():
+    with pytest.raises(TimeoutError):
+        verifying._run([sys.executable, "-c", "import time; time.sleep(60)"], 0, lambda *read: None)
