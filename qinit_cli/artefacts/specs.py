@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from qinit_cli.pipeline.sources import SourceTasks
     from qinit_cli.pipeline.transfer import TargetTasks
 
-ALGORITHM = 1  # raised whenever the same settings would give other numbers
+ALGORITHM = (
+    1  # raised whenever the same settings would give other numbers; a family may have a higher one of its own
+)
 
 Spec = dict[str, Any]
 
@@ -29,7 +31,7 @@ def sources(tasks: SourceTasks, count: int) -> Spec:
     """The spec of source tasks. The exact learner has neither episodes nor exploration."""
     return {
         "kind": "sources",
-        "algorithm_version": ALGORITHM,
+        "algorithm_version": _algorithm(tasks.family),
         "role": tasks.role,
         "family": _family(tasks.family),
         "learner": tasks.learner,
@@ -63,7 +65,7 @@ def run(method: Method, targets: TargetTasks, tasks: int, fit: str, fitted: Spec
     """
     return {
         "kind": "run",
-        "algorithm_version": ALGORITHM,
+        "algorithm_version": _algorithm(targets.family),
         "method": _method(method, targets.family),
         "family": _family(targets.family),
         "learning": asdict(targets.learning),
@@ -87,7 +89,7 @@ def tuning(
     """The spec of a choice of parameters: the method as it is by default, the values tried, and how the sources were learned."""
     return {
         "kind": "tuning",
-        "algorithm_version": ALGORITHM,
+        "algorithm_version": _algorithm(targets.family),
         "method": _method(method, targets.family),
         "grid": {name: list(values) for name, values in grid.items()},
         "family": _family(targets.family),
@@ -120,6 +122,17 @@ def plug_ins(spec: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def outdated(spec: Mapping[str, Any]) -> list[str]:
+    """A warning where an earlier version learned these tasks, or the sources behind them, otherwise; else none."""
+    told = spec.get("sources", spec)
+    family = FAMILIES.get(told["family"]["name"])
+    if family is None or int(told["algorithm_version"]) >= _algorithm(family):
+        return []
+    return [
+        f"these tasks of {family.name} were learned by an earlier version: {getattr(family, 'learned_anew', '')}"
+    ]
+
+
 def source_set(fitted: Spec) -> Spec:
     """What tells one source set from its replicates (the sources' content hash), and what all replicates must share."""
     sources = fitted["sources"]
@@ -144,6 +157,10 @@ def _method(method: Method, family: Family) -> Spec:
         start = initialisations()[method.init]()
         settings["init"] = {"name": start.name, **asdict(start)}  # type: ignore[call-overload]  # a dataclass
     return {"name": method.name, "label": method.label, **settings}
+
+
+def _algorithm(family: Family | type[Family]) -> int:
+    return int(getattr(family, "algorithm", ALGORITHM))
 
 
 def _family(family: Family) -> Spec:

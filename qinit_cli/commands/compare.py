@@ -68,6 +68,7 @@ def compare(
     runs: list[str], comparing: Comparing, tabular: Tabular, reading: Reading, display: Display
 ) -> None:
     """Prints one table per set of shared targets."""
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import comparison_tables as tables
     from qinit_cli.commands.tables import print_table
     from qinit_cli.comparison import rows as stage
@@ -76,6 +77,8 @@ def compare(
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
     columns = tables.chosen(every, comparing.columns)
     found = read_runs(runs, reading.store)
+    for warning in dict.fromkeys(warning for run in found for warning in outdated(run.spec)):
+        note(display, f"warning: {warning}")
     if comparing.greedy:
         found = [run.greedy() for run in found]
     comparisons = stage.compare(found, baseline, metric)

@@ -46,6 +46,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     """Fits the sources, publishes the fit and prints its path."""
     from qinit_cli.artefacts.fit_findings import findings
     from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import Expected, say_expected
     from qinit_cli.commands.fit_statistics import lines
@@ -65,7 +66,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     found = findings(arrays | names, asked.spec)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
-    warn(made, "", of_fit(asked.spec, arrays), display)
+    warn(made, "", [*outdated(asked.spec), *of_fit(asked.spec, arrays)], display)
     say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
 
 

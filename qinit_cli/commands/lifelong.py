@@ -169,6 +169,7 @@ def _update(
     work: Work,
     display: Display,
 ) -> None:
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
@@ -195,7 +196,8 @@ def _update(
         return
     made = make(plan, output, alone, display)
     sentence = _summary(made, method, fitted)
-    warn(made, "", of_targets(targets.learning, learned(made, targets, fitted.fit)), display)
+    found = of_targets(targets.learning, learned(made, targets, fitted.fit))
+    warn(made, "", [*outdated(fitted.spec), *found], display)
     say_result(made, "qinit.lifelong/1", sentence, output, display)
 
 

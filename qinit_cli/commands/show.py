@@ -10,7 +10,7 @@ import typer
 
 from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
-from qinit_cli.commands.messages import console
+from qinit_cli.commands.messages import console, note
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,6 +40,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
     from qinit_cli.artefacts import show as stage
     from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
@@ -48,6 +49,9 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
         shown = stage.show(opened)
         told = finite(_told(opened, shown))
         states = _states(opened)
+        warnings = outdated(opened.spec)
+    for warning in warnings:
+        note(display, f"warning: {warning}")
     match tabular.chosen:
         case "table":
             terminal = _terminal(display)

@@ -187,6 +187,7 @@ def transfer(
     tuned: Tuned = NOT_TUNED,
 ) -> None:
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
     from qinit_cli.commands.making import make, say_result, warn
@@ -217,7 +218,7 @@ def transfer(
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
-    warn(made, targets.family.warning, of_targets(targets.learning, found), display)
+    warn(made, targets.family.warning, [*outdated(known.spec), *of_targets(targets.learning, found)], display)
     already = f"{method.label}, {counted(made.tally.tasks, 'target')}: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)

@@ -110,6 +110,7 @@ def tune(
 ) -> None:
     """Tries every combination on the sources, keeps how each fared, and prints it."""
     from qinit_cli.artefacts.opening import family_in, open_artefact
+    from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.making import make
     from qinit_cli.pipeline.tuning import Choice
@@ -130,6 +131,8 @@ def tune(
     with open_artefact(made.path, "tuning") as artefact:
         choice = Choice.of(artefact)
     _print(choice, made, tabular, display)
+    for warning in outdated(plan.spec):
+        note(display, f"warning: {warning}")
     for said in sentences(choice, made.path):
         note(display, said)
     if made.tally.failed:

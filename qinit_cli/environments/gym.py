@@ -82,6 +82,11 @@ class Gym(TableFamily):
     )
 
     name: ClassVar[str] = "gym"
+    algorithm: ClassVar[int] = 2  # 1 left wrappers out, and learned that an episode cut off is an end worth 0
+    learned_anew: ClassVar[str] = (
+        "its wrappers were left out, and an episode that was cut off counted as an end worth 0; the same commands, from "
+        "train-sources on, learn them anew"
+    )
     packages: ClassVar[tuple[str, ...]] = ("gymnasium",)  # whose version decides what happens
     source_tasks: ClassVar[int] = 50
     target_tasks: ClassVar[int] = 50

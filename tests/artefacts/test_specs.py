@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from qinit_cli.artefacts import specs
 from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
@@ -110,3 +112,30 @@ def test_packages_that_a_family_depends_on_stand_beside_the_settings_and_not_in_
     assert specs.plug_ins(spec) == {"gymnasium": version("gymnasium")}
     assert version("gymnasium") not in json.dumps(spec)
     assert specs.plug_ins({"family": {"name": "gridworld"}, "method": {"name": "zero"}}) == {}
+
+
+def test_gymnasium_tasks_of_an_earlier_version_are_learned_anew_and_told(
+    here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("train-sources", "gym", "FrozenLake-v1", "--vary", "success_rate=uniform:0.4,0.9", "--tasks", 3,
+             "--learner", "exact")  # fmt: skip
+    with monkeypatch.context() as earlier:
+        earlier.setattr(Gym, "algorithm", 1)
+        old = here(*words)
+        assert "warning" not in old.err
+        here("fit", old.out.strip(), "-o", "old-fit.h5")
+    for read in (("show", old.out.strip()), ("fit", old.out.strip(), "-o", "fit.h5"), ("show", "old-fit.h5"),
+                 ("transfer", "mean", "old-fit.h5", "--tasks", 2, "--episodes", 5)):  # fmt: skip
+        ended = here(*read)
+        assert ended.code == 0, ended.err
+        assert "learned by an earlier version: its wrappers were left out" in " ".join(ended.err.split())
+    new = here(*words)
+    assert new.out != old.out
+    assert "3 tasks learned" in new.err
+    assert "earlier version" not in here("fit", new.out.strip(), "-o", "new-fit.h5").err
+
+
+def test_families_but_gymnasium_have_the_version_of_all() -> None:
+    versions = {name: specs._algorithm(family) for name, family in FAMILIES.items()}
+    assert versions.pop("gym") == 2
+    assert set(versions.values()) == {specs.ALGORITHM} == {1}
