@@ -20,6 +20,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
 from qinit_store import reading
 from qinit_store.fit_statistics import FitStatistics, fit_statistics
+from qinit_store.held import Held
 from qinit_store.reading import Artefact, Description
 from qinit_store.schema import (
     NO_MOMENTS,
@@ -50,12 +51,12 @@ SLACK = 1e-6  # by which sums in other orders, and rounded logarithms, may diffe
 COUNTED = {"n": ("mu", "sigma", "mean", "std", "min", "max"), "eopl_n": ("eopl_mean", "eopl_std")}
 
 
-def open_artefact(path: Path, kind: str | None = None) -> Artefact:
-    """The artefact at `path`, whose content hash holds and whose settings allow what it holds.
+def open_artefact(source: Path | Held, kind: str | None = None) -> Artefact:
+    """The artefact at a path, or in memory, whose content hash holds and whose settings allow what it holds.
 
     NotFound; Refused if it is not of `kind`; Damaged if it is not as it was written, or holds what cannot be.
     """
-    return _fitting(reading.open_artefact(path, kind))
+    return _fitting(source.of_kind(kind) if isinstance(source, Held) else reading.open_artefact(source, kind))
 
 
 def open_doubtful(path: Path) -> Artefact:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import re
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
-from qinit_cli import cores
 from qinit_cli.commands.build import Group
 from qinit_cli.fields import check, option
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.machine import Machine
 
 
 def store_option() -> Any:
@@ -40,60 +40,11 @@ class Output:
     dry_run: bool = option(False, "Report what it would take, from a short trial; make nothing.")
     json: bool = option(False, "Print one JSON object instead of the path.")
 
-
-@dataclass(frozen=True)
-class Work:
-    """How much of the machine is used; no number depends on it."""
-
-    jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
-    shard: str | None = option(
-        None,
-        "Learn only the K-th of N shares, into an artefact of its own; qinit merge joins them.",
-        metavar="K/N",
-        default_text="all tasks",
-        seldom=True,
-    )
-    dask: str | None = option(
-        None,
-        "Learn on the Dask cluster of this scheduler.",
-        metavar="ADDRESS|SCHEDULER-FILE",
-        default_text="threads here",
-        seldom=True,
-    )
-    fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.", seldom=True)
-
-    def __post_init__(self) -> None:
-        check(self)
-        if self.shard is not None:
-            shape = re.fullmatch(r"(\d+)/(\d+)", self.shard)
-            if shape is None or not 1 <= int(shape[1]) <= int(shape[2]):
-                raise ValueError(f"--shard is {self.shard}; it must be K/N with K from 1 to N, such as 2/4")
-        if self.dask is not None:
-            self._check_dask(self.dask)
-
-    def _check_dask(self, place: str) -> None:
-        if self.jobs is not None:
-            raise ValueError(
-                "--jobs counts threads of this process and --dask uses none; leave one of them out"
-            )
-        if re.fullmatch(r"\w+://[^\s/]+:\d{1,5}", place) is None and not os.path.isfile(place):
-            raise ValueError(
-                f"--dask is {place!r}; it must be an address such as tcp://127.0.0.1:8786, or a file that "
-                "dask scheduler --scheduler-file wrote"
-            )
-
     @property
-    def share(self) -> tuple[int, int]:
-        """Which of how many shares is learned, counted from 1; (1, 1) is all of it."""
-        if self.shard is None:
-            return 1, 1
-        share, _, shares = self.shard.partition("/")
-        return int(share), int(shares)
-
-    @property
-    def threads(self) -> int:
-        """Worker threads: as asked, else the cores that this process may use."""
-        return self.jobs or cores.usable()
+    def keeping(self) -> Keeping:
+        """The place, for the artefact that the words on the command line make."""
+        output = None if self.output is None else Path(self.output)
+        return Keeping(Path(self.store), output, self.force, self.wait, tuple(sys.argv[1:]))
 
 
 @dataclass(frozen=True)
@@ -165,7 +116,7 @@ class Display:
 
 
 OUTPUT = Group(Output, "Artefact")
-WORK = Group(Work, "Machine")
+MACHINE = Group(Machine, "Machine")
 ONE_PASS = Group(OnePass, "Machine")
 READING = Group(Reading, "Artefacts")
 TABULAR = Group(Tabular, "Table")

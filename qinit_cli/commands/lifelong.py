@@ -2,66 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, OUTPUT, WORK, Display, Output, Work
-from qinit_cli.commands.messages import note
-from qinit_cli.commands.transfer import (
-    LearningTargets,
-    learned,
-    learning_group,
-    plan_of,
-    targets_of,
-    transfer,
-)
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Output
+from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.transfer import learning_group, transfer
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, option
 from qinit_cli.methods import METHODS, Method
+from qinit_cli.pipeline.asked import LearningTargets, Living
+from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, plain, shell_line
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Made, Plan
+    from qinit_cli.pipeline.job import Made
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.transfer import TargetTasks
-    from qinit_store.work import Work as StoreWork
-
-MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
-
-
-@dataclass(frozen=True)
-class Living:
-    """What a finished task leaves to those after it."""
-
-    update: bool = option(
-        False,
-        "Add the values that a finished task learned to what later tasks start from; else mu and sigma stay as fitted.",
-    )
-    min_visits: int | None = option(
-        None,
-        "Add those entries alone that the task visited at least so often: others still hold their start.",
-        low=1,
-        metavar="N",
-        default_text=f"{MIN_VISITS}, with --update",
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
-        if self.min_visits is not None and not self.update:
-            raise ValueError(
-                "--min-visits says which entries --update adds; give --update too, or leave it out"
-            )
-
-    @property
-    def visits(self) -> int:
-        """Visits from which on an entry is added."""
-        return MIN_VISITS if self.min_visits is None else self.min_visits
 
 
 def add_to(methods: typer.Typer) -> None:
@@ -79,7 +40,7 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
             "living": Group(Living, "Lifetime"),
             "learning": targets,
             "output": OUTPUT,
-            "work": WORK,
+            "machine": MACHINE,
             "display": DISPLAY,
         },
         imports=IMPORTS,
@@ -98,7 +59,7 @@ def lifelong(
     living: Living,
     learning: LearningTargets,
     output: Output,
-    work: Work,
+    machine: Machine,
     display: Display,
 ) -> None:
     """Learns what is missing of the lifetime, publishes it as a run and prints its path.
@@ -106,21 +67,21 @@ def lifelong(
     Without --update no task depends on another: the lifetime is the run that `qinit transfer` makes.
     """
     if living.update:
-        _check_alone(method, work)
+        _check_alone(method, machine)
     path = _fitted(known, learning, output, display)
     if living.update:
-        _update(path, method, living, learning, output, work, display)
+        _update(path, method, living, learning, output, machine, display)
     else:
-        transfer(str(path), method, learning, output, work, display)
+        transfer(str(path), method, learning, output, machine, display)
 
 
-def _check_alone(method: Method, work: Work) -> None:
+def _check_alone(method: Method, machine: Machine) -> None:
     """UsageError where tasks of this method cannot add to each other, or not so."""
     if method.privileged or not method.reads_moments:
         raise UsageError(
             f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
         )
-    if work.shard is not None or work.dask is not None:
+    if machine.shard is not None or machine.dask is not None:
         raise UsageError(
             "tasks that add to each other are learned one after another, here; leave out --shard and --dask"
         )
@@ -133,9 +94,9 @@ def _fitted(known: str, learning: LearningTargets, output: Output, display: Disp
     """
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
-    from qinit_cli.commands.fit import make_fit
-    from qinit_cli.commands.making import provenance
     from qinit_cli.fitted import FitOptions
+    from qinit_cli.pipeline.fitting import make_fit
+    from qinit_cli.pipeline.transfer import targets_of
     from qinit_store.reading import describe
 
     path = references.one(known, output.store, references.LEARNING, output=output.output)
@@ -148,13 +109,8 @@ def _fitted(known: str, learning: LearningTargets, output: Output, display: Disp
         raise UsageError(
             f"--dry-run makes no fit of {path}; {shell_line('qinit', 'fit', path)} does, and its path can stand here"
         )
-    made, _, _ = make_fit(
-        path,
-        FitOptions(),
-        replace(output, output=None, force=False),
-        provenance(command=("fit", str(path))),
-        display,
-    )
+    keeping = replace(output.keeping, output=None, force=False, command=("fit", str(path)))
+    made, _, _ = make_fit(path, FitOptions(), keeping, Printed(display))
     if not made.complete_before:
         note(display, f"fitted: {made.path}")
     return made.path
@@ -166,16 +122,19 @@ def _update(
     living: Living,
     learning: LearningTargets,
     output: Output,
-    work: Work,
+    machine: Machine,
     display: Display,
 ) -> None:
     from qinit_cli.artefacts.specs import outdated
-    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected, trial_episodes
-    from qinit_cli.commands.making import make, say_result, warn
+    from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
+    from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee, trial_episodes
+    from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.lifelong import lifetime_plan
+    from qinit_cli.pipeline.transfer import learned, targets_of
 
-    if (work.jobs or 1) > 1:
+    if (machine.jobs or 1) > 1:
         note(display, "tasks that add to each other are learned one after another, whatever --jobs says")
     fitted = Knowledge.read(path)
     targets, count = targets_of(replace(learning, keep_q=True), fitted.spec)
@@ -185,36 +144,22 @@ def _update(
             display,
             "warning: the targets are of a changed family; --update mixes them into what is known of the sources'",
         )
-    plan = _plan(method, living, targets, count, fitted)
-    alone = replace(work, jobs=1, fail_fast=True)  # what comes after a task that failed needs what it learned
+    plan = lifetime_plan(method, living, targets, count, fitted)
+    alone = replace(
+        machine, jobs=1, fail_fast=True
+    )  # what comes after a task that failed needs what it learned
     if output.dry_run:
         episodes = targets.learning.episodes
         tried = trial_episodes(episodes)
         fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = _plan(method, living, fewer, min(count, TRIAL_TASKS), fitted)
-        say_expected(foresee(plan, trial, episodes, tried, output, alone), output, display)
+        trial = lifetime_plan(method, living, fewer, min(count, TRIAL_TASKS), fitted)
+        say_expected(foresee(plan, trial, episodes, tried, output.keeping, alone), output, display)
         return
-    made = make(plan, output, alone, display)
+    made = make(plan, output.keeping, alone, Printed(display))
     sentence = _summary(made, method, fitted)
     found = of_targets(targets.learning, learned(made, targets, fitted.fit))
     warn(made, "", [*outdated(fitted.spec), *found], display)
     say_result(made, "qinit.lifelong/1", sentence, output, display)
-
-
-def _plan(method: Method, living: Living, targets: TargetTasks, count: int, fitted: Knowledge) -> Plan:
-    """The run of so many targets, each started from what is known by then."""
-    from qinit_cli.pipeline.lifelong import Lifetime
-
-    lifetime = Lifetime(method, targets, fitted.fit, living.visits)
-    plain = plan_of(method, targets, lifetime.initial, count, fitted, [])
-    spec = dict(plain.spec)
-    label = f"{method.label} updated"
-    spec["method"] = {**spec["method"], "label": label, "update": {"min_visits": living.visits}}
-
-    def begin(work: StoreWork) -> None:
-        lifetime.lived = work.row
-
-    return replace(plain, stem=f"{plain.stem}-updated", spec=spec, learn=lifetime, what=label, begin=begin)
 
 
 def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
@@ -222,7 +167,7 @@ def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.pipeline.lifelong import Known, log_std
 
-    with open_artefact(made.path, "run") as artefact:
+    with open_artefact(made.source, "run") as artefact:
         added, spread = artefact.read("added"), artefact.read("log_std")
     before, after = log_std(Known.of(fitted.fit).log_q), float(spread[-1])
     tally = made.tally

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import typer
@@ -36,15 +37,15 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     """Joins the shares, and prints the path of the whole."""
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import plug_ins_behind, provenance
     from qinit_cli.commands.rewriting import say_written
+    from qinit_cli.pipeline.origin import plug_ins_behind, provenance
     from qinit_store.mend import merge as join
     from qinit_store.reading import describe
 
     paths = _each_once(references.many(artefacts, rewriting.store), display)
     whole = SHARE.sub("", paths[0].name)
     name = whole if whole != paths[0].name else f"{paths[0].stem}-merged.h5"
-    origin = provenance() | plug_ins_behind(paths[0])
+    origin = provenance(sys.argv[1:]) | plug_ins_behind(paths[0])
     target = rewriting.target(paths[0], name)
     references.check_not_read(target, paths)
     join(paths, target, origin, force=rewriting.force, opening=open_artefact)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import TYPE_CHECKING
 
 from qinit_cli.commands.groups import Display
+from qinit_cli.pipeline.reporter import Progress, Reporter
 from qinit_cli.streams import in_encoding_of
 from qinit_cli.wrapping import columns, wrapped
 from qinit_store.wording import counted, printable
@@ -81,18 +82,36 @@ def compiling(display: Display, kind: str = "") -> Iterator[None]:
         yield
 
 
-def detail(display: Display, text: str) -> None:
-    """One line on stderr with --verbose."""
-    if display.verbose:
-        note(display, text)
-
-
 def print_path(path: Path) -> None:
     """The path alone on a line of stdout: unchanged in a pipe, with control characters written out on a terminal."""
     print(printable(path) if sys.stdout.isatty() else in_encoding_of(sys.stdout, str(path)), flush=True)
 
 
-class Progress:
+class Printed(Reporter):
+    """Reports on stderr, as the display has it."""
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+
+    def note(self, text: str) -> None:
+        """One line, unless --quiet."""
+        note(self._display, text)
+
+    def detail(self, text: str) -> None:
+        """One line with --verbose."""
+        if self._display.verbose:
+            note(self._display, text)
+
+    def compiling(self, kind: str) -> AbstractContextManager[None]:
+        """Announces once that kernels of this kind are compiled."""
+        return compiling(self._display, kind)
+
+    def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
+        """A bar on a terminal, else plain lines."""
+        return TaskBar(self._display, what, done, total, watch)
+
+
+class TaskBar(Progress):
     """Tasks finished, speed and the time left: a bar on a terminal, else plain lines."""
 
     def __init__(self, display: Display, what: str, done: int, total: int, watch: Watch) -> None:
@@ -102,7 +121,7 @@ class Progress:
         self._lines = Lines(display)
         self._bar = _bar(display, what, done, total) if sys.stderr.isatty() and not display.quiet else None
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> TaskBar:
         if self._bar is not None:
             self._bar.start()
         return self
@@ -120,12 +139,6 @@ class Progress:
         """Shows that so many tasks in all were handed in."""
         self._done = tasks
         self.tick()
-
-    def counting(self, blocks: Iterable[Mapping[str, Any]]) -> Iterator[Any]:
-        """The blocks of tasks, each counted when the next is asked for."""
-        for block in blocks:
-            yield block
-            self.advance(len(block["task"]))
 
     def tick(self) -> None:
         """Shows where things stand."""
@@ -170,11 +183,11 @@ def reading(display: Display, what: str) -> Iterator[Callable[[int, int], None]]
     from qinit_cli.watch import Watch
 
     with ExitStack() as stack:
-        shown: list[Progress] = []
+        shown: list[TaskBar] = []
 
         def tell(read: int, tasks: int) -> None:
             if not shown:
-                shown.append(stack.enter_context(Progress(display, what, 0, tasks, Watch())))
+                shown.append(stack.enter_context(TaskBar(display, what, 0, tasks, Watch())))
             shown[0].reach(read)
 
         yield tell

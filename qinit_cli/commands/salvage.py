@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
@@ -26,14 +28,16 @@ def salvage(artefact: str, rewriting: Rewriting, display: Display) -> None:
     """Writes what holds, and prints its path."""
     from qinit_cli.artefacts.opening import open_doubtful
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import provenance
     from qinit_cli.commands.rewriting import say_written
+    from qinit_cli.pipeline.origin import provenance
     from qinit_store.mend import salvage as mend
     from qinit_store.reading import describe
 
     path = references.one(artefact, rewriting.store, output=rewriting.output)
     target = rewriting.target(path, f"{path.stem}-salvaged.h5")
-    lost = mend(path, target, provenance(path), force=rewriting.force, opening=open_doubtful).tolist()
+    lost = mend(
+        path, target, provenance(sys.argv[1:], path), force=rewriting.force, opening=open_doubtful
+    ).tolist()
     kept = describe(target).tasks
     sentence = f"{counted(kept, 'task')} kept, {len(lost)} lost"
     if lost:

@@ -8,46 +8,32 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 
 from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, TABULAR, Display, Output, Tabular, Work, store_option
-from qinit_cli.commands.messages import note
-from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.fields import check, flag, help_of, numbers, option, options, tunable
+from qinit_cli.commands.groups import DISPLAY, IMPORTS, TABULAR, Display, Output, Tabular, store_option
+from qinit_cli.commands.messages import Printed, note
+from qinit_cli.errors import TasksFailed, UsageError
+from qinit_cli.fields import flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
+from qinit_cli.pipeline.asked import Rehearsing
+from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, shell_line
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from qinit_cli.commands.making import Made, Plan
-    from qinit_cli.pipeline.tuning import Candidate, Choice, Grid, Rehearsal
-    from qinit_store.reading import Artefact
+    from qinit_cli.pipeline.job import Made, Plan
+    from qinit_cli.pipeline.rehearsal import Rehearsal
+    from qinit_cli.pipeline.tuning import Candidate, Choice, Grid
 
 SCHEMA = "qinit.tune/1"
-# with 100 sources a candidate takes 0.1 to 10 s of one core: hours where steps are dear
-MOST_CANDIDATES = 2_000
 TRIAL_CANDIDATES = 6  # of a dry run, evenly among all
 
 
 @dataclass(frozen=True)
-class Rehearsing:
-    """How sources are learned in the place of targets; what is not given is as for targets."""
-
-    episodes: int | None = option(
-        None, "Episodes of each source, learned as a target is.", low=1, default_text="as targets have"
-    )
-    jobs: int | None = option(None, "Sources learned at once.", low=1, default_text="all cores", metavar="N")
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
-@dataclass(frozen=True)
-class Keeping:
+class Kept:
     """Where the choice goes."""
 
     output: str | None = option(
@@ -82,7 +68,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
             ),
             "fixed": Group(_fixed_options(method), "Method"),
             "rehearsing": Group(Rehearsing, "Learning"),
-            "keeping": Group(Keeping, "Artefact"),
+            "kept": Group(Kept, "Artefact"),
             "tabular": TABULAR,
             "display": DISPLAY,
         },
@@ -104,7 +90,7 @@ def tune(
     several: Any,
     fixed: Any,
     rehearsing: Rehearsing,
-    keeping: Keeping,
+    kept: Kept,
     tabular: Tabular,
     display: Display,
 ) -> None:
@@ -112,23 +98,24 @@ def tune(
     from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
-    from qinit_cli.commands.making import make
+    from qinit_cli.pipeline.job import make
+    from qinit_cli.pipeline.rehearsal import plan_of, rehearsal_of, tried
     from qinit_cli.pipeline.tuning import Choice
 
-    path = references.one(sources, keeping.store, references.LEARNING, output=keeping.output)
+    path = references.one(sources, kept.store, references.LEARNING, output=kept.output)
     method, values = _asked(kind, grid, several, fixed)
     as_json = tabular.chosen == "json"
-    output = Output(keeping.output, keeping.store, keeping.force, keeping.wait, keeping.dry_run, json=as_json)
-    work = Work(jobs=rehearsing.jobs)
+    output = Output(kept.output, kept.store, kept.force, kept.wait, kept.dry_run, json=as_json)
+    machine = Machine(jobs=rehearsing.jobs)
     with open_artefact(path, "sources") as source:
-        tried = _candidates(method.on(family_in(source)), values)
-        rehearsal = _rehearsal(source, tried, rehearsing)
-        plan = _plan(source, method, rehearsal, values)
-        if keeping.dry_run:
-            _say_expected(plan, rehearsal, output, work, display)
+        candidates = tried(method.on(family_in(source)), values)
+        rehearsal = rehearsal_of(source, candidates, rehearsing)
+        plan = plan_of(source, method, rehearsal, values)
+        if kept.dry_run:
+            _say_expected(plan, rehearsal, output, machine, display)
             return
-        made = make(plan, output, work, display)
-    with open_artefact(made.path, "tuning") as artefact:
+        made = make(plan, output.keeping, machine, Printed(display))
+    with open_artefact(made.source, "tuning") as artefact:
         choice = Choice.of(artefact)
     _print(choice, made, tabular, display)
     for warning in outdated(plan.spec):
@@ -159,55 +146,14 @@ def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Met
     return method, {one.name: varied[one.name] for one in options(kind) if one.name in varied}
 
 
-def _candidates(method: Method, values: Grid) -> list[Method]:
-    from qinit_cli.pipeline.tuning import candidates, with_parameters
-
-    try:
-        typed = {
-            name: tuple(getattr(with_parameters(method, {name: value}), name) for value in several)
-            for name, several in values.items()
-        }
-        tried = candidates(method, typed)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    if len(tried) > MOST_CANDIDATES:
-        raise UsageError(
-            f"these are {len(tried)} combinations; at most {MOST_CANDIDATES} are tried at once, give fewer values"
-        )
-    return tried
-
-
-def _plan(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
-    """The artefact of how every candidate fares on every source."""
-    from qinit_cli.artefacts import specs
-    from qinit_cli.commands.making import Plan
-    from qinit_cli.commands.transfer import learning_bytes
-    from qinit_cli.pipeline.tuning import parameters_of
-    from qinit_store.schema import tuning_schema
-
-    family, tried = rehearsal.targets.family, rehearsal.candidates
-    spec = specs.tuning(
-        method, values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
-    )
-    return Plan(
-        stem=f"{family.label}-{method.name}-{source.task_count}",
-        spec=spec,
-        schema=tuning_schema(tuple(values), len(tried)),
-        learn=rehearsal,
-        kernel=f"{family.name} targets",
-        what=counted(len(tried), "candidate"),
-        read=source.path,
-        inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
-        learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
-        statics=parameters_of(tried, tuple(values)),
-    )
-
-
-def _say_expected(plan: Plan, rehearsal: Rehearsal, output: Output, work: Work, display: Display) -> None:
+def _say_expected(
+    plan: Plan, rehearsal: Rehearsal, output: Output, machine: Machine, display: Display
+) -> None:
     """What it would take, by a few sources under a few of the candidates, all their episodes."""
     import numpy as np
 
-    from qinit_cli.commands.dry_run import TRIAL_TASKS, foresee, say_expected
+    from qinit_cli.commands.results import say_expected
+    from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee
     from qinit_store.schema import tuning_schema
 
     count = len(rehearsal.candidates)
@@ -221,46 +167,13 @@ def _say_expected(plan: Plan, rehearsal: Rehearsal, output: Output, work: Work, 
         learn=lambda ids, watch: fewer(usable[ids], watch),
     )
     episodes = rehearsal.targets.learning.episodes
-    expected = foresee(plan, trial, episodes, episodes, output, work)
+    expected = foresee(plan, trial, episodes, episodes, output.keeping, machine)
     times = count / len(some)
     say_expected(
         replace(expected, steps=round(expected.steps * times), seconds=expected.seconds * times),
         output,
         display,
     )
-
-
-def _rehearsal(source: Artefact, tried: list[Method], rehearsing: Rehearsing) -> Rehearsal:
-    """The learner, with a fit of all other sources for each fold."""
-    import numpy as np
-
-    from qinit_cli.artefacts.opening import family_in
-    from qinit_cli.commands.fit import selection_of
-    from qinit_cli.fitted import Fit, FitOptions
-    from qinit_cli.pipeline import fit as stage
-    from qinit_cli.pipeline.transfer import STAND_INS, TargetTasks
-    from qinit_cli.pipeline.tuning import FOLDS, Rehearsal, folds
-
-    family, fitting = family_in(source), FitOptions()
-    selection = selection_of(source, family, fitting)
-    if int(selection.kept.sum()) < 2 * FOLDS:
-        raise NotAllowed(
-            f"{source.path} has {counted(int(selection.kept.sum()), 'source')} to learn from; tune needs at least {2 * FOLDS}: "
-            "ask train-sources for more --tasks"
-        )
-    fold = folds(selection.kept)
-    states = int(np.prod(family.shape))
-    fits = []
-    for number in range(FOLDS):
-        others = replace(selection, kept=selection.kept & (fold != number))
-        blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
-        fits.append(Fit.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
-    sources = source.spec["learning"]
-    given = {name: sources[name] for name in ("alpha", "gamma", "horizon")}
-    episodes = {} if rehearsing.episodes is None else {"episodes": rehearsing.episodes}
-    learning = replace(family.target_learning, **(given | episodes))
-    targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=STAND_INS)
-    return Rehearsal(targets, tried, fits, fold)
 
 
 def _values(name: str, text: str) -> tuple[float, ...]:

@@ -17,13 +17,18 @@ from qinit_cli.elementary import ln
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import Fit
 from qinit_cli.methods import Initial, Method
+from qinit_cli.pipeline.asked import Living
 from qinit_cli.pipeline.fit import pair_statistics
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets
+from qinit_cli.pipeline.job import Plan
+from qinit_cli.pipeline.transfer import TargetTasks, learn_targets, plan_of
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.sources import Rows
     from qinit_cli.watch import Watch
+    from qinit_store.held import HeldWork
+    from qinit_store.work import Work
 
 Lived = Callable[
     [int], "Rows"
@@ -153,3 +158,17 @@ def _moments(n: Integers, mean: Floats, std: Floats, smallest: Floats, largest: 
 
 def _no_tables() -> NoReturn:
     raise NotAllowed("a method that reads the target's own table does not learn from the tasks before it")
+
+
+def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:
+    """The run of so many targets, each started from what is known by then."""
+    lifetime = Lifetime(method, targets, known.fit, living.visits)
+    plain = plan_of(method, targets, lifetime.initial, count, known, [])
+    spec = dict(plain.spec)
+    label = f"{method.label} updated"
+    spec["method"] = {**spec["method"], "label": label, "update": {"min_visits": living.visits}}
+
+    def begin(work: Work | HeldWork) -> None:
+        lifetime.lived = work.row
+
+    return replace(plain, stem=f"{plain.stem}-updated", spec=spec, learn=lifetime, what=label, begin=begin)

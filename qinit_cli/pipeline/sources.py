@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.errors import UsageError
 from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.seeding import Stream, sequence
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from qinit_cli.arrays import Floats, Integers, Tasks
+    from qinit_cli.pipeline.asked import LearningSources
+    from qinit_cli.pipeline.job import Plan
     from qinit_cli.watch import Watch
 
 Learner = Literal["q-learning", "exact"]
@@ -57,6 +61,42 @@ class SourceTasks:
     def bins(self) -> int:
         """Bins of the learning curve."""
         return curve_bins(self.learner, self.learning)
+
+
+def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
+    """The tasks that are asked for; UsageError where the family cannot be learned so."""
+    if sources.learner == "exact" and not family.tabular:
+        raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
+    learning = sources.learning(type(family))
+    if refusal := family.refusal(learning):
+        raise UsageError(refusal)
+    return SourceTasks(family, sources.learner, learning, sources.seed)
+
+
+def plan_of(tasks: SourceTasks, count: int) -> Plan:
+    """The artefact that holds these tasks, learned to the end."""
+    from qinit_cli.artefacts import specs
+    from qinit_cli.pipeline.job import Plan
+
+    exact = tasks.learner == "exact"
+    role = "" if tasks.role == "source" else "-targets"
+    return Plan(
+        stem=f"{tasks.family.label}{'-exact' if exact else ''}{role}-{count}-seed-{tasks.seed}",
+        spec=specs.sources(tasks, count),
+        schema=_schema(tasks),
+        learn=partial(learn_sources, tasks),
+        kernel=f"{tasks.family.name} {'exact tables' if exact else 'sources'}",
+        what="sources" if tasks.role == "source" else "optimal tables",
+    )
+
+
+def _schema(tasks: SourceTasks) -> Any:
+    from qinit_cli.artefacts.opening import action_axis
+    from qinit_store.schema import sources_schema
+
+    return sources_schema(
+        tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins
+    )
 
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
+from qinit_cli.environments import family_of
 from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.errors import UsageError
 from qinit_cli.learning import Learning
-from qinit_cli.methods import Initial, Targets
+from qinit_cli.methods import Initial, Method, Targets
 from qinit_cli.pipeline.sources import Rows, sequences, shaped
 from qinit_cli.seeding import Stream
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Floats, Integers, Tasks
+    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
+    from qinit_cli.fitted import Fit
+    from qinit_cli.pipeline.asked import LearningTargets
+    from qinit_cli.pipeline.degenerate import TargetsLearned
+    from qinit_cli.pipeline.job import Made, Plan
+    from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.watch import Watch
 
+EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
 MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
 
 
@@ -85,6 +95,103 @@ class TargetTasks:
     def draw(self, indices: Integers) -> Tasks:
         """The tasks at these indices, (B,)."""
         return draw_tasks(self.family, self.seed, self.streams.task, indices)
+
+
+def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
+    """The target tasks that are asked for, given the spec of a fit, and how many; NotAllowed where no run could hold them."""
+    from qinit_cli.pipeline.room import Footprint, check_artefact
+
+    sources = fitted["sources"]
+    family = learning.family(family_of(sources))
+    settings = learning.learning(family, sources["learning"])
+    if refusal := family.refusal(settings):
+        raise UsageError(refusal)
+    targets = TargetTasks(
+        family,
+        settings,
+        learning.seed,
+        learning.keep_q,
+        learning.evaluate_every,
+    )
+    count = learning.tasks or family.target_tasks
+    check_artefact(
+        Footprint(count, settings.episodes * EPISODE_BYTES + targets.evaluations * EVALUATION_BYTES)
+    )
+    return targets, count
+
+
+def learning_bytes(episodes: int) -> int:
+    """Bytes in memory for the episodes of a task while it is learned: its steps and goals, 8 bytes each."""
+    return 16 * episodes
+
+
+def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
+    """What the default name of a run begins with."""
+    return f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}"
+
+
+def plan_of(
+    method: Method,
+    targets: TargetTasks,
+    initial: Initial,
+    count: int,
+    known: Knowledge,
+    more: list[dict[str, str]],
+) -> Plan:
+    """The run of so many targets from what the method starts them with; `more` are inputs beside the fit."""
+    from qinit_cli.artefacts import specs
+    from qinit_cli.pipeline.job import Plan
+
+    inputs = [known.given, *more]
+    return Plan(
+        stem=stem_of(method, targets, count),
+        spec=specs.run(method, targets, count, known.content_sha256, known.spec),
+        schema=_schema(targets, initial),
+        learn=partial(learn_targets, targets, initial),
+        kernel=_kernel(targets, initial),
+        what=method.label,
+        read=known.path,
+        inputs=inputs,
+        learning_bytes=learning_bytes(targets.learning.episodes),
+        statics=statics(initial, targets.family),
+    )
+
+
+def _in_a_name(label: str) -> str:
+    """The label as it may stand in an artefact's name."""
+    return re.sub(r"[^A-Za-z0-9._-]", "-", label.replace("+", "-plus-"))
+
+
+def _kernel(targets: TargetTasks, initial: Initial) -> str:
+    """The name of the compiled code that these targets need: features that are not used are not compiled in."""
+    features = {
+        "with shaping": initial.potential.any(),
+        "with policies": len(initial.policies.actions) > 0,
+        "with evaluations": targets.evaluate_every > 0,
+        "with weights": initial.hypothesis_count > 0,
+    }
+    return ", ".join([f"{targets.family.name} targets", *(name for name, used in features.items() if used)])
+
+
+def _schema(targets: TargetTasks, initial: Initial) -> Any:
+    from qinit_cli.artefacts.opening import action_axis
+    from qinit_store.schema import run_schema
+
+    family = targets.family
+    return run_schema(
+        family.axes(),
+        action_axis(family),
+        family.parameters(),
+        targets.learning.episodes,
+        start_per_task=initial.start_per_task,
+        potential_per_task=initial.potential_per_task,
+        exact_values=family.tabular,
+        evaluations=targets.evaluations,
+        keep_q=targets.keep_q,
+        updating=targets.keep_visits,
+        hypotheses=initial.hypothesis_count,
+        moments=targets.moments,
+    )
 
 
 def learn_targets(
@@ -157,3 +264,25 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     if not initial.potential_per_task:
         kept["potential"] = initial.potential.reshape(family.shape)
     return kept
+
+
+def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
+    """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
+    import numpy as np
+
+    from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.pipeline.degenerate import TargetsLearned
+
+    with open_artefact(made.source, "run") as artefact:
+        episodes = artefact.read("reached")
+        steps = int(artefact.read("steps").sum())
+        drawn = targets.draw(artefact.tasks)
+    reached: Flags = np.asarray(episodes.any(axis=1), np.bool_)
+    solvable = targets.family.solvable(drawn, reached, targets.learning.horizon)
+    return TargetsLearned(
+        tasks=len(reached),
+        reached=int(episodes.sum()),
+        unsolvable=int((~solvable).sum()),
+        steps=steps / len(reached) if len(reached) else 0.0,
+        knows=bool(fit.known.any()),
+    )

@@ -8,39 +8,29 @@ The average of the chosen candidate is the largest of several and reads a little
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import Field, asdict, dataclass, replace
-from itertools import product
+from dataclasses import Field, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 import numpy as np
 
-from qinit_cli.analysis import intervals, returns
-from qinit_cli.environments import family_of, label_of
-from qinit_cli.errors import NotAllowed
+from qinit_cli.analysis import intervals
+from qinit_cli.artefacts.opening import open_artefact
+from qinit_cli.environments import Family, family_of, label_of
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS, Method
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets
 from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.arrays import Flags, Floats, Integers
-    from qinit_cli.fitted import Fit
-    from qinit_cli.pipeline.sources import Rows
-    from qinit_cli.watch import Watch
+    from qinit_store.held import Held
     from qinit_store.reading import Artefact
 
 FOLDS = 5
 Grid = dict[str, tuple[float, ...]]  # the values to try of each parameter
 End = Literal["smallest", "largest"]
-
-
-def candidates(method: Method, grid: Grid) -> list[Method]:
-    """The method with every combination of the grid's values, and first as it is; ValueError for a value out of its range."""
-    others = [
-        replace(method, **dict(zip(grid, values, strict=True)))  # type: ignore[type-var]  # every concrete method is a dataclass
-        for values in product(*grid.values())
-    ]
-    return [method, *(other for other in others if other != method)]
 
 
 def folds(kept: Flags) -> Integers:
@@ -52,43 +42,6 @@ def folds(kept: Flags) -> Integers:
     for number, ids in enumerate(np.array_split(np.flatnonzero(kept), FOLDS)):
         fold[ids] = number
     return fold
-
-
-@dataclass(frozen=True)
-class Rehearsal:
-    """Learns sources in the place of targets, under every candidate; called as any learner is, with ids of sources."""
-
-    targets: TargetTasks  # whose tasks are the sources
-    candidates: Sequence[Method]
-    fits: Sequence[Fit]  # of all sources but those of a fold
-    fold: Integers  # (N,)
-
-    def __call__(self, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
-        """The ids of the sources that were finished under every candidate, and a row for each column of the artefact."""
-        rows: Rows = {
-            "average": np.full((len(indices), len(self.candidates)), np.nan),
-            "steps": np.zeros(len(indices), np.int64),
-            "seconds": np.zeros(len(indices)),
-        }
-        finished = self.fold[indices] < 0  # what cannot be fitted is not tried
-        for number in np.unique(self.fold[indices][~finished]):
-            places = np.flatnonzero(self.fold[indices] == number)
-            finished[places] = self._fold(indices[places], self.fits[number], watch, rows, places)
-        return indices[finished], {name: values[finished] for name, values in rows.items()}
-
-    def _fold(self, ids: Integers, fit: Fit, watch: Watch, rows: Rows, places: Integers) -> bool:
-        """Fills the rows at these places; whether all was learned before the watch stopped."""
-        gamma = self.targets.learning.gamma
-        for column, method in enumerate(self.candidates):
-            initial = method.initial(fit, self.targets.targets(0, _not_here))
-            done, learned = learn_targets(self.targets, initial, ids, watch.part(1 / len(self.candidates)))
-            if len(done) < len(ids):
-                return False
-            earned = returns.discounted_returns(learned["steps"], learned["reached"].astype(bool), gamma)
-            rows["average"][places, column] = earned.mean(axis=1)
-            rows["steps"][places] += learned["steps"].sum(axis=1, dtype=np.int64)
-            rows["seconds"][places] += learned["seconds"]
-        return True
 
 
 @dataclass(frozen=True)
@@ -238,10 +191,23 @@ def settings(artefact: Artefact) -> dict[str, Any]:
     return given | {name: getattr(chosen, name) for name in artefact.spec["grid"]}
 
 
-def parameters_of(methods: Sequence[Method], names: Sequence[str]) -> dict[str, Floats]:
-    """The named parameters of each method, (C,)."""
-    told: list[dict[str, Any]] = [asdict(method) for method in methods]  # type: ignore[call-overload]  # dataclasses
-    return {name: np.array([float(one[name]) for one in told]) for name in names}
+def chosen(tuning: Path | Held, method: Method, family: Family) -> tuple[Method, list[dict[str, str]]]:
+    """The method with what a tuning chose, and the tuning as an input; UsageError where both set an option."""
+    with open_artefact(tuning, "tuning") as artefact:
+        name = artefact.spec["method"]["name"]
+        if name != method.name:
+            raise NotAllowed(f"{artefact.path} chose parameters of {name}, not of {method.name}")
+        drawn, wanted = family_of(artefact.spec), settings(artefact)
+        given = {"role": "tuning", "name": artefact.path.stem, "content_sha256": artefact.content_sha256}
+        if drawn != family:
+            raise NotAllowed(
+                f"{artefact.path} chose parameters for {drawn.label}; this fit is of {family.label}: tune its own sources"
+            )
+    defaults = {one.name: one.default for one in options(type(method))}
+    clash = [one for one, value in wanted.items() if getattr(method, one) not in (defaults[one], value)]
+    if clash:
+        raise UsageError(f"{flag(clash[0])} and --tuned both say what {clash[0]} is; leave one of them out")
+    return replace(method, **wanted), [given]  # type: ignore[type-var]  # every concrete method is a dataclass
 
 
 def with_parameters(method: Method, parameters: dict[str, float]) -> Method:
@@ -253,7 +219,3 @@ def with_parameters(method: Method, parameters: dict[str, float]) -> Method:
             raise ValueError(f"{flag(name)} is {value:g}; it must be a whole number")
         given[name] = int(value) if whole else float(value)
     return replace(method, **given)  # type: ignore[type-var]  # every concrete method is a dataclass
-
-
-def _not_here() -> Floats:
-    raise NotAllowed("a method that reads the target itself has nothing that sources could choose")

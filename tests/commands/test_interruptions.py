@@ -19,9 +19,9 @@ WORDS = ("train-sources", "gridworld", "--size", "10", "--variance", "2", "--tas
 EPISODES = ("--episodes", "8000")
 # qinit as it is, but for saving every finished batch at once: a signal then finds saved and missing tasks on any machine
 EAGER = (
-    "from qinit_cli.commands import making\n"
+    "from qinit_cli.pipeline import job\n"
     "from qinit_cli.__main__ import main\n"
-    "making.SAVE_SECONDS = 0.0\n"
+    "job.SAVE_SECONDS = 0.0\n"
     "main()\n"
 )
 

@@ -61,7 +61,7 @@ def test_the_first_line_comes_after_some_seconds_then_one_in_thirty(
     monkeypatch.setattr(messages.time, "monotonic", lambda: now)
     watch = Watch()
     watch.add(steps=0, tasks=0.0)
-    progress = messages.Progress(Display(), "sources", 10, 30, watch)
+    progress = messages.TaskBar(Display(), "sources", 10, 30, watch)
     said = []
     for tick in range(1, 70):
         now = 100.0 + tick
@@ -80,7 +80,7 @@ def test_the_bar_of_a_terminal_shows_the_time_left(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(messages.time, "monotonic", lambda: now)
     monkeypatch.setattr(sys, "stderr", _Terminal())
     watch = Watch()
-    with messages.Progress(Display(), "sources", 10, 30, watch) as progress:
+    with messages.TaskBar(Display(), "sources", 10, 30, watch) as progress:
         now = 102.0
         watch.add(steps=4_000_000, tasks=5.0, finished=5)  # five of twenty in 2 s: the rest takes 6 s
         progress.tick()

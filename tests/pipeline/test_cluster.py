@@ -46,9 +46,9 @@ LONG = (
 )
 # qinit as it is, but for saving every finished batch at once: whoever watches the folder knows how far it is
 EAGER = (
-    "from qinit_cli.commands import making\n"
+    "from qinit_cli.pipeline import job\n"
     "from qinit_cli.__main__ import main\n"
-    "making.SAVE_SECONDS = 0.0\n"
+    "job.SAVE_SECONDS = 0.0\n"
     "main()\n"
 )
 PATIENCE = 60  # seconds on a busy machine

@@ -32,7 +32,7 @@ from qinit_cli.errors import Interrupted
 try:
     import os
     from qinit_cli.__main__ import main
-    from qinit_cli.commands import making
+    from qinit_cli.pipeline import job as making
     from qinit_store.work import Work
     log = os.open(os.environ["SAVED_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     save = Work.save

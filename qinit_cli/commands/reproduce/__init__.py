@@ -64,7 +64,7 @@ class Into:
 
 
 @dataclass(frozen=True)
-class Machine:
+class Threads:
     """How much of the machine is used; no number depends on it."""
 
     jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
@@ -76,7 +76,7 @@ class Machine:
 GROUPS = {
     "asked": Group(Reproducing, "Size"),
     "into": Group(Into, "Files"),
-    "machine": Group(Machine, "Machine"),
+    "machine": Group(Threads, "Machine"),
     "display": DISPLAY,
 }
 
@@ -87,10 +87,11 @@ def add_to(targets: typer.Typer) -> None:
         add_command(targets, name, partial(reproduce, name), GROUPS, help=SHOWS[name])
 
 
-def reproduce(target: str, asked: Reproducing, into: Into, machine: Machine, display: Display) -> None:
+def reproduce(target: str, asked: Reproducing, into: Into, machine: Threads, display: Display) -> None:
     """Makes what is missing, draws it, and prints the folder."""
-    from qinit_cli.commands.groups import Output, Work
+    from qinit_cli.commands.groups import Output
     from qinit_cli.commands.reproduce.reproduction import Reproduction
+    from qinit_cli.pipeline.machine import Machine
 
     output = Output(store=into.store, wait=into.wait, dry_run=into.dry_run, json=into.json)
     reproduction = Reproduction(
@@ -100,7 +101,7 @@ def reproduce(target: str, asked: Reproducing, into: Into, machine: Machine, dis
         into.output or f"reproduction-{target}-{asked.scale}",
         into.force,
         output,
-        Work(jobs=machine.jobs),
+        Machine(jobs=machine.jobs),
         display,
     )
     reproduction.run()

@@ -6,15 +6,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.commands.groups import Display, Output, Work
 from qinit_cli.commands.reproduce.words import fit_command, run_command, sources_command
 from qinit_cli.errors import TasksFailed
 from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.pipeline.keeping import Keeping, target_path
+from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.reporter import Reporter
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.making import Bar, Made, Plan
+    from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.transfer import TargetTasks
 
@@ -78,48 +80,47 @@ class Place:
 class Maker:
     """Finds and makes artefacts in one store."""
 
-    output: Output
-    work: Work
-    display: Display
+    keeping: Keeping
+    machine: Machine
     _read: Knowledge | None = None  # the fit that was read last: runs of one fit follow each other
 
     def place(self, artefact: Artefact, paths: Mapping[Artefact, Path]) -> Place:
         """Where it belongs, given the `paths` of what it is made from, which must stand there."""
         from qinit_cli.artefacts import specs
-        from qinit_cli.commands import fit as fitting
-        from qinit_cli.commands.making import place, target_path
-        from qinit_cli.commands.transfer import stem_of
+        from qinit_cli.pipeline import fitting
+        from qinit_cli.pipeline.job import place
+        from qinit_cli.pipeline.transfer import stem_of
         from qinit_store.reading import describe
 
         match artefact:
             case Sources():
                 plan = sources_plan(artefact)
-                return Place(place(plan, self.output, self.work), plan.spec)
+                return Place(place(plan, self.keeping, self.machine), plan.spec)
             case Fit():
-                return Place(*fitting.place(paths[artefact.sources], artefact.options, self.output))
+                return Place(*fitting.place(paths[artefact.sources], artefact.options, self.keeping))
             case Run():
                 fit = describe(paths[artefact.fit])
                 targets = targets_of_run(artefact, fit.spec)
                 spec = specs.run(artefact.method, targets, artefact.tasks, fit.content_sha256, fit.spec)
                 stem = stem_of(artefact.method, targets, artefact.tasks)
-                return Place(target_path(self.output, "run", stem, spec), spec)
+                return Place(target_path(self.keeping, "run", stem, spec), spec)
 
-    def make(self, artefact: Artefact, paths: Mapping[Artefact, Path], bar: Bar) -> Made:
+    def make(self, artefact: Artefact, paths: Mapping[Artefact, Path], reporter: Reporter) -> Made:
         """The artefact, made as far as it is missing; TasksFailed where a task failed."""
-        from qinit_cli.commands.making import make, provenance
+        from qinit_cli.pipeline.fitting import make_fit
+        from qinit_cli.pipeline.job import make
 
+        store = str(self.keeping.store)
         match artefact:
             case Sources():
-                plan = replace(sources_plan(artefact), command=sources_command(artefact, self.output.store))
-                made = make(plan, self.output, self.work, self.display, bar)
+                keeping = replace(self.keeping, command=tuple(sources_command(artefact, store)))
+                made = make(sources_plan(artefact), keeping, self.machine, reporter)
             case Fit():
-                from qinit_cli.commands.fit import make_fit
-
                 sources = paths[artefact.sources]
-                origin = provenance(command=fit_command(artefact, sources, self.output.store))
-                made, _, _ = make_fit(sources, artefact.options, self.output, origin, self.display, bar)
+                keeping = replace(self.keeping, command=tuple(fit_command(artefact, sources, store)))
+                made, _, _ = make_fit(sources, artefact.options, keeping, reporter)
             case Run():
-                made = self._run(artefact, paths[artefact.fit], bar)
+                made = self._run(artefact, paths[artefact.fit], reporter)
         if made.tally.failed:
             raise TasksFailed(
                 f"{made.tally.failed} of {made.tally.tasks} tasks of {made.path} failed, the rest are saved; the same "
@@ -127,19 +128,18 @@ class Maker:
             )
         return made
 
-    def _run(self, run: Run, fit: Path, bar: Bar) -> Made:
-        from qinit_cli.commands.making import make
-        from qinit_cli.commands.optimal_tables import OptimalTables
-        from qinit_cli.commands.transfer import plan_of
+    def _run(self, run: Run, fit: Path, reporter: Reporter) -> Made:
+        from qinit_cli.pipeline.job import make
+        from qinit_cli.pipeline.optimal_tables import OptimalTables
+        from qinit_cli.pipeline.transfer import plan_of
 
-        known, command = self._knowledge(fit), run_command(run, fit, self.output.store)
+        known = self._knowledge(fit)
+        keeping = replace(self.keeping, command=tuple(run_command(run, fit, str(self.keeping.store))))
         targets = targets_of_run(run, known.spec)
-        tables = OptimalTables(
-            targets, run.tasks, known.learning, self.output, self.work, self.display, command, bar
-        )
+        tables = OptimalTables(targets, run.tasks, known.learning, keeping, self.machine, reporter)
         initial = run.method.initial(known.fit, targets.targets(run.tasks, tables))
         plan = plan_of(run.method, targets, initial, run.tasks, known, tables.inputs)
-        return make(replace(plan, command=command), self.output, self.work, self.display, bar)
+        return make(plan, keeping, self.machine, reporter)
 
     def _knowledge(self, fit: Path) -> Knowledge:
         from qinit_cli.pipeline.knowledge import Knowledge
@@ -151,7 +151,8 @@ class Maker:
 
 def sources_plan(sources: Sources) -> Plan:
     """The artefact of these sources, as `qinit train-sources` makes it."""
-    from qinit_cli.commands.train_sources import LearningSources, plan_of, tasks_of
+    from qinit_cli.pipeline.asked import LearningSources
+    from qinit_cli.pipeline.sources import plan_of, tasks_of
 
     learning = LearningSources(tasks=sources.tasks, seed=sources.seed, episodes=sources.episodes)
     return plan_of(tasks_of(sources.family, learning), sources.tasks)
@@ -159,7 +160,8 @@ def sources_plan(sources: Sources) -> Plan:
 
 def targets_of_run(run: Run, fitted: dict[str, Any]) -> TargetTasks:
     """Its targets, as `qinit transfer` has them, given the spec of the fit."""
-    from qinit_cli.commands.transfer import LearningTargets, targets_of
+    from qinit_cli.pipeline.asked import LearningTargets
+    from qinit_cli.pipeline.transfer import targets_of
 
     targets, _ = targets_of(LearningTargets(tasks=run.tasks, episodes=run.episodes), fitted)
     return targets

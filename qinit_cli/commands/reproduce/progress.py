@@ -9,21 +9,22 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.groups import Display
-from qinit_cli.commands.messages import Lines, Progress, clock, console
+from qinit_cli.commands.messages import Lines, Printed, TaskBar, clock, console
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
+    from qinit_cli.pipeline.reporter import Progress
     from qinit_cli.watch import Watch
 
 TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took ...
 WINDOW = 20  # ... of so many things: the first ones wait for the compiler
 
 
-class Whole:
-    """The bar on a terminal, else a plain line at most every 30 s. `part` is what `make` counts the tasks of an artefact with."""
+class Whole(Printed):
+    """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact."""
 
     def __init__(self, display: Display, count: int, expected: float) -> None:
-        self._display = display
+        super().__init__(display)
         self._count, self._expected = count, max(expected, 1e-9)
         self._at = 0
         self._before = 0.0  # expected seconds of what is done
@@ -70,8 +71,8 @@ class Whole:
             speed = f", {rate}" if rate else ""
             self._lines.say(f"{self._at} of {self._count}, {what}{speed}, {left}")
 
-    def part(self, display: Display, what: str, done: int, total: int, watch: Watch) -> Progress:
-        """The tasks of one artefact, as `make` counts them."""
+    def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
+        """The tasks of one artefact, as part of the whole."""
         return _Part(self, what, done, total, watch)
 
     def _left(self, done: float) -> float:
@@ -81,7 +82,7 @@ class Whole:
         return max(0.0, self._expected - done) * pace
 
 
-class _Part(Progress):
+class _Part(TaskBar):
     """Tasks of one artefact, shown on the bar of the whole."""
 
     def __init__(self, whole: Whole, what: str, done: int, total: int, watch: Watch) -> None:

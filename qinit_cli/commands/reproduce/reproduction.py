@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.groups import Display, Output, Work
+from qinit_cli.commands.groups import Display, Output
 from qinit_cli.commands.messages import note, print_path
 from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
 from qinit_cli.commands.reproduce.drawing import Drawing, file_of, made_of
@@ -23,6 +23,7 @@ from qinit_cli.commands.reproduce.telling import KINDS, Ahead, say_spent
 from qinit_cli.errors import Interrupted
 from qinit_cli.paper import experiments
 from qinit_cli.paper.experiments import Artefact, Fit, Judgement, Picture, Shown, Sources, Study, Table
+from qinit_cli.pipeline.machine import Machine
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
@@ -37,7 +38,7 @@ class Reproduction:
     output: str  # the folder
     force: bool
     stages: Output  # where artefacts go
-    work: Work
+    machine: Machine
     display: Display
     paths: dict[Artefact, Path] = field(default_factory=dict)  # of what stands in the store
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
@@ -74,10 +75,10 @@ class Reproduction:
     def run(self) -> None:
         """Tells the plan, makes what is missing and prints the folder."""
         folder = opened(Path(self.output), self.asked, force=self.force)
-        maker = Maker(self.stages, self.work, self.display)
+        maker = Maker(self.stages.keeping, self.machine)
         self._find(maker)
         entries = {file: entry for file in self.shown if (entry := self._standing(folder, file))}
-        takes = expected((one for one in self.artefacts if one not in self.paths), self.work.threads)
+        takes = expected((one for one in self.artefacts if one not in self.paths), self.machine.threads)
         undrawn = [file for file in self.shown if file not in entries]
         ahead = Ahead(
             self.target,
@@ -87,7 +88,7 @@ class Reproduction:
             tuple(self.shown),
             len(undrawn),
             Path(self.stages.store),
-            self.work.threads,
+            self.machine.threads,
         )
         if self.stages.dry_run and self.stages.json:
             print(json.dumps(ahead.told(), allow_nan=False))
@@ -168,7 +169,7 @@ class Reproduction:
         for artefact, each in takes.items():
             whole.begin(_named(artefact), each.seconds)
             with self._counted(KINDS[type(artefact)]) as spent:
-                made = maker.make(artefact, self.paths, whole.part)
+                made = maker.make(artefact, self.paths, whole)
                 spent.steps += made.tally.steps
             self._keep(artefact, made.path)
 

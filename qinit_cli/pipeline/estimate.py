@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.making import place, share_of
-from qinit_cli.commands.messages import note
-from qinit_store.wording import counted, magnitude, plain
+from qinit_cli.pipeline.job import place, share_of
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.machine import Machine
 
 if TYPE_CHECKING:
-    from qinit_cli.commands.making import Plan
+    from qinit_cli.pipeline.job import Plan
 
 TRIAL_TASKS = 4  # learned side by side, as the kernels like it
 TRIAL_SHARE = 25  # one episode in so many is tried ...
@@ -38,7 +36,9 @@ def trial_episodes(episodes: int) -> int:
     return min(episodes, MOST_TRIED, max(FEWEST_TRIED, episodes // TRIAL_SHARE))
 
 
-def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, work: Work) -> Expected:
+def foresee(
+    plan: Plan, trial: Plan, episodes: int, tried: int, keeping: Keeping, machine: Machine
+) -> Expected:
     """What `plan` would take, judged by `trial`: the same with TRIAL_TASKS tasks of `tried` of the `episodes`.
 
     Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
@@ -46,13 +46,13 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
     """
     import numpy as np
 
-    from qinit_cli.commands.room import Footprint, check_artefact, check_memory
+    from qinit_cli.pipeline.room import Footprint, check_artefact, check_memory
     from qinit_cli.watch import Watch
 
     check_artefact(Footprint.of(plan))
     check_memory(Footprint.of(trial), trial.count, 1)
-    path, count = place(plan, output, work), len(share_of(plan.count, *work.share))
-    missing = max(0, count - _saved(path, plan, Path(output.store), share=count < plan.count))
+    path, count = place(plan, keeping, machine), len(share_of(plan.count, *machine.share))
+    missing = max(0, count - _saved(path, plan, keeping, share=count < plan.count))
     ids = np.arange(trial.count)
     trial.learn(ids, Watch())  # compiles, reads caches warm
     _, rows = trial.learn(ids, Watch())
@@ -64,33 +64,20 @@ def foresee(plan: Plan, trial: Plan, episodes: int, tried: int, output: Output, 
         tasks=count,
         missing=missing,
         steps=round(per_task * growth * missing),
-        seconds=float(seconds * growth * missing / _jobs(work)),
+        seconds=float(seconds * growth * missing / _threads(machine)),
         bytes=round(_compression(trial, rows) * plan.schema.task_bytes * count),
     )
 
 
-def _jobs(work: Work) -> int:
-    if work.dask is None:
-        return work.threads
+def _threads(machine: Machine) -> int:
+    if machine.dask is None:
+        return machine.threads
     from qinit_cli.pipeline import cluster
 
-    return cluster.threads(work.dask)
+    return cluster.threads(machine.dask)
 
 
-def say_expected(expected: Expected, output: Output, display: Display) -> None:
-    """One sentence on stderr, with --json one object on stdout instead."""
-    if output.json:
-        print(json.dumps({"schema": "qinit.dry-run/1", **asdict(expected)}, allow_nan=False))
-        return
-    steps, seconds = (float(f"{value:.2g}") for value in (expected.steps, expected.seconds))
-    note(
-        display,
-        f"{expected.path} would hold {counted(expected.tasks, 'task')}, of which {expected.missing} still to be learned: "
-        f"about {magnitude(steps)} steps in {plain(seconds)} s, and {expected.bytes / 1e6:.2g} MB",
-    )
-
-
-def _saved(path: Path, plan: Plan, root: Path, *, share: bool) -> int:
+def _saved(path: Path, plan: Plan, keeping: Keeping, *, share: bool) -> int:
     """How many of the tasks are saved already, in an artefact of the same settings or an unfinished one.
 
     A share takes over from no artefact but its own.
@@ -98,7 +85,7 @@ def _saved(path: Path, plan: Plan, root: Path, *, share: bool) -> int:
     from qinit_store.catalog import Store
     from qinit_store.folder import tasks_saved, work_folder
 
-    relatives = Store(root).relatives(plan.schema.kind, plan.spec)
+    relatives = [] if keeping.store is None else Store(keeping.store).relatives(plan.schema.kind, plan.spec)
     finished = [one.tasks for one in relatives if not share or one.path == path]
     return max(*finished, tasks_saved(work_folder(path)), 0)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from running import SMALL_SOURCES, Ended, Pipeline
 
-from qinit_cli.commands import room
+from qinit_cli.pipeline import room
 from qinit_cli.pipeline.sources import bin_sizes
 
 GRID = ("gridworld", "--size", "6", "--variance", "2")

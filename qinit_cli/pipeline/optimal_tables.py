@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.commands.groups import Display, Output, Work
-from qinit_cli.commands.messages import Progress, note
 from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.commands.making import Bar
     from qinit_cli.pipeline.transfer import TargetTasks
 
 
@@ -25,11 +24,10 @@ class OptimalTables:
     targets: TargetTasks
     count: int
     sources: dict[str, Any]  # how sources were learned: tables that must be learned are learned so
-    output: Output
-    work: Work
-    display: Display
-    command: Sequence[str] = ()  # the words that make the run; else those that were typed
-    bar: Bar = Progress
+    keeping: Keeping  # of the run
+    machine: Machine
+    reporter: Reporter = SILENT
+    trial: bool = False  # whether tables that must be learned are left at zero
     inputs: list[dict[str, str]] = field(default_factory=list)
 
     def __call__(self) -> Floats:
@@ -38,14 +36,14 @@ class OptimalTables:
 
         import numpy as np
 
-        from qinit_cli.commands.room import Footprint, check_memory
+        from qinit_cli.pipeline.room import Footprint, check_memory
 
         family = self.targets.family
         check_memory(
             Footprint(self.count, math.prod(family.shape) * len(family.actions) * 8), self.count, self.count
         )
         if not family.tabular:
-            return self._not_learned() if self.output.dry_run else self._learned()
+            return self._not_learned() if self.trial else self._learned()
         q, _ = self.targets.family.solve(
             self.targets.draw(np.arange(self.count)), self.targets.learning.gamma
         )
@@ -53,25 +51,23 @@ class OptimalTables:
 
     def _learned(self) -> Floats:
         from qinit_cli.artefacts.opening import open_artefact
-        from qinit_cli.commands.making import make
-        from qinit_cli.commands.train_sources import plan_of
-        from qinit_cli.pipeline.sources import SourceTasks
+        from qinit_cli.pipeline.job import make
+        from qinit_cli.pipeline.sources import SourceTasks, plan_of
 
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
-        note(
-            self.display,
-            f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",
+        self.reporter.note(
+            f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
         )
         # all of them, whatever share of the run is learned here
-        plan = replace(plan_of(tasks, self.count), command=self.command)
-        made = make(plan, self._in_store(), replace(self.work, shard=None), self.display, self.bar)
+        plan = plan_of(tasks, self.count)
+        made = make(plan, self._in_store(), replace(self.machine, shard=None), self.reporter)
         if made.tally.failed:
             raise TasksFailed(
                 f"{made.tally.failed} of {counted(self.count, 'optimal table')} failed; the same command tries again"
             )
         self.inputs.append({"role": "optimal", "name": made.path.stem, "content_sha256": made.digest})
-        with open_artefact(made.path, "sources") as artefact:
+        with open_artefact(made.source, "sources") as artefact:
             q: Floats = artefact.read("q")
         return q.reshape(self.count, -1, len(self.targets.family.actions))
 
@@ -80,12 +76,11 @@ class OptimalTables:
 
         import numpy as np
 
-        note(
-            self.display,
-            f"optimal would first learn the tables of {counted(self.count, 'target')}, which takes what as many sources take",
+        self.reporter.note(
+            f"optimal would first learn the tables of the {self.count} targets, which takes what as many sources take",
         )
         return np.zeros((self.count, math.prod(self.targets.family.shape), len(self.targets.family.actions)))
 
-    def _in_store(self) -> Output:
+    def _in_store(self) -> Keeping:
         """The tables go to the store under their own name, whatever was asked of the run."""
-        return replace(self.output, output=None, force=False, wait=True)
+        return replace(self.keeping, output=None, force=False, wait=True)

@@ -18,7 +18,7 @@ from qinit_store.errors import SystemFailed
 from qinit_store.wording import counted, noun
 
 if TYPE_CHECKING:
-    from qinit_cli.commands.making import Plan
+    from qinit_cli.pipeline.job import Plan
 
 KEPT_OF_A_TASK = 300  # bytes in memory: its id, its digest and where it is saved, as Python keeps them
 CGROUP = Path("/sys/fs/cgroup")
@@ -58,18 +58,23 @@ def check_artefact(size: Footprint) -> None:
         )
 
 
-def check_room(size: Footprint, count: int, where: Path, threads: int | None) -> None:
-    """SystemFailed where this machine has no room for `count` tasks more; `threads` learn, None where workers elsewhere do."""
+def check_room(size: Footprint, count: int, where: Path | None, threads: int | None) -> None:
+    """SystemFailed where this machine has no room for `count` tasks more.
+
+    `where` is the file, None where the artefact is held in memory; `threads` learn, None where workers elsewhere do.
+    """
     if threads is not None:
-        check_memory(size, count, threads)
-    check_disk(size, count, where)
+        check_memory(size, count, threads, held=where is None)
+    if where is not None:
+        check_disk(size, count, where)
 
 
-def check_memory(size: Footprint, count: int, threads: int) -> None:
+def check_memory(size: Footprint, count: int, threads: int, *, held: bool = False) -> None:
     """SystemFailed where what is learned at once, and what is kept of each task, does not fit into memory."""
     from qinit_cli.pipeline.workers import BATCH
 
-    needed = min(count, threads * BATCH) * (size.task + size.learning) + count * KEPT_OF_A_TASK
+    kept = KEPT_OF_A_TASK + (size.task if held else 0)
+    needed = min(count, threads * BATCH) * (size.task + size.learning) + count * kept
     if needed > (there := memory_available()):
         raise SystemFailed(
             f"learning needs at least {_told(needed)} of memory, {_told(there)} are available; ask for fewer --jobs, --tasks or "

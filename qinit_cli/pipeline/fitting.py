@@ -1,0 +1,203 @@
+"""Fitting sources: which of them, the artefact that holds the fit, and making it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.opening import open_artefact
+from qinit_cli.environments import Family, family_of
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.methods.plus import initialisations
+from qinit_cli.pipeline import fit as stage
+from qinit_cli.pipeline import fit_statistics as statistics
+from qinit_cli.pipeline.fit import Selection
+from qinit_cli.pipeline.job import Made, Tally, made
+from qinit_cli.pipeline.keeping import Keeping, target_path, working
+from qinit_cli.pipeline.origin import provenance
+from qinit_cli.pipeline.reporter import SILENT, Progress, Reporter
+from qinit_cli.watch import Watch
+from qinit_store.fit_statistics import fit_statistics
+from qinit_store.schema import Axis, Schema, fit_schema
+from qinit_store.wording import counted
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Flags
+    from qinit_store.held import Held
+    from qinit_store.reading import Artefact
+
+FEWEST_SOURCES = 2  # a spread needs two
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A fit that is to be made of some sources."""
+
+    family: Family
+    stem: str  # of its default name
+    spec: dict[str, Any]
+    schema: Schema
+    selection: Selection
+    held: Flags  # (N,) the sources that are held out
+
+    @property
+    def count(self) -> int:
+        """How many sources are fitted."""
+        return int(self.selection.kept.sum())
+
+
+def place(source: Path | Held, fitting: FitOptions, keeping: Keeping) -> tuple[Path, dict[str, Any]]:
+    """Where the fit of these sources goes, and its spec."""
+    asked = asked_of(source, fitting)
+    return target_path(keeping, "fit", asked.stem, asked.spec), asked.spec
+
+
+def asked_of(source: Path | Held, fitting: FitOptions) -> Asked:
+    """The fit of these sources, which are verified; NotAllowed where they cannot be fitted."""
+    with open_artefact(source, "sources") as sources:
+        asked = _asked(sources, fitting)
+        sources.check_tasks()
+    return asked
+
+
+def make_fit(
+    source: Path | Held, fitting: FitOptions, keeping: Keeping, reporter: Reporter = SILENT
+) -> tuple[Made, dict[str, Any], Asked]:
+    """The fit of the sources, made if need be, with its arrays by name."""
+    with open_artefact(source, "sources") as sources:
+        asked = _asked(sources, fitting)
+        origin = provenance(keeping.command, source, asked.spec)
+        target = target_path(keeping, "fit", asked.stem, asked.spec)
+        with working(target, asked.schema, asked.spec, keeping, origin) as artefact:
+            complete = artefact.complete
+            if complete:
+                sources.check_tasks()  # which are fitted was read ahead
+            else:
+                with reporter.progress("fit", 0, sources.task_count, Watch()) as progress:
+                    arrays = _arrays(sources, asked, fitting, progress)
+                artefact.finish(statics=arrays, provenance=origin, inputs=[_input(sources)])
+        tally = Tally(
+            tasks=asked.count,
+            skipped=asked.count if complete else 0,
+            extra={
+                "unsolvable": asked.selection.unsolvable,
+                "unlearned": asked.selection.unlearned,
+                "held_out": int(asked.held.sum()),
+            },
+        )
+        found = made(target, artefact, tally, complete)
+    if complete:
+        with open_artefact(found.source, "fit") as there:
+            arrays = {column.name: there.read(column.name) for column in there.schema.static_columns}
+    return found, arrays, asked
+
+
+def _asked(source: Artefact, fitting: FitOptions) -> Asked:
+    """What a fit of these sources is; NotAllowed where they are target tasks, or too few."""
+    # artefacts of the first version have no role: there were no others
+    if source.spec.get("role", "source") != "source":
+        raise NotAllowed(
+            f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
+        )
+    family = family_of(source.spec, source.provenance)
+    selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
+    return Asked(
+        family,
+        f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
+        _spec(source, fitting),
+        _schema(source, fitting, stage.library_size(selection, fitting)),
+        selection,
+        held,
+    )
+
+
+def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
+    """The fit's spec; the starts that are judged are those of the methods there are."""
+    spec = specs.fit(source.spec, [source.content_sha256], fitting)
+    return spec | {"initialisations": list(initialisations())} if fitting.holdout else spec
+
+
+def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
+    """The fit's layout, over the sources' own axes: looking at an environment again would need its module."""
+    *states, action = _axes(source)
+    state_action = (*(axis.name for axis in states), action.name)
+    return fit_schema(
+        tuple(states), action, library, *fit_statistics(statistics.contents(fitting), state_action)
+    )
+
+
+def _axes(source: Artefact) -> list[Axis]:
+    """The state axes of the sources' tables, and that of the actions."""
+    [q] = [column for column in source.schema.columns if column.name == "q"]
+    return [source.axes[name] for name in q.dims[1:]]
+
+
+def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progress) -> dict[str, Any]:
+    """All that the fit holds, by name; `progress` counts the sources as they are read."""
+    family, selection, held = asked.family, asked.selection, asked.held
+    origin = statistics.Origin(family, float(source.spec["learning"]["gamma"]), int(source.spec["seed"]))
+    names = statistics.columns(fitting, family)
+    sample = statistics.Sample(selection.kept, origin.seed, names)
+    blocks = source.blocks(dict.fromkeys(("q", "td_var", "eopl", *names)), stage.BLOCK)
+    arrays = stage.fit(sample.reading(progress.counting(blocks)), selection, fitting)
+    arrays |= statistics.statistics(sample.columns, origin, fitting)
+    if held.any():
+        *states, _ = _axes(source)
+        fitted = Fit.from_arrays(arrays, math.prod(len(axis.values) for axis in states), fitting.estimator)
+        first = int(held.argmax())
+        arrays |= statistics.held_out_errors(_rows(source, first), held[first:], fitted, origin)
+    return arrays
+
+
+def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
+    """The tasks from the `first` on, in blocks."""
+    for start in range(first, source.task_count, stage.BLOCK):
+        yield source.rows(start, min(start + stage.BLOCK, source.task_count))
+
+
+def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selection:
+    """Which sources are fitted; NotAllowed where they are too few. Read ahead: verified once all rows have been read."""
+    columns = family.parameters()
+    tasks = np.empty(source.task_count, [(column.name, column.dtype) for column in columns])
+    found = source.read_ahead([*(column.name for column in columns), "solved"])
+    for column in columns:
+        tasks[column.name] = found[column.name]
+    horizon = int(source.spec["learning"]["horizon"])
+    selection = stage.select(family, tasks, found["solved"].astype(bool), horizon, fitting)
+    count = int(selection.kept.sum())
+    if count - fitting.holdout < FEWEST_SOURCES:
+        source.check_tasks()
+        left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
+        raise NotAllowed(
+            f"{source.path} has {counted(count, 'source')} to fit{left_out} ({selection.unsolvable} cannot be solved, "
+            f"{selection.unlearned} {unlearned(source.spec)}); "
+            f"a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
+        )
+    return selection
+
+
+def bytes_of(schema: Schema) -> int:
+    """The fit's size in memory; on disk it is compressed."""
+    return sum(
+        math.prod(schema.row_shape(column)) * column.little_endian.itemsize
+        for column in schema.static_columns
+    )
+
+
+def _input(source: Artefact) -> dict[str, str]:
+    return {"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}
+
+
+def unlearned(sources: Mapping[str, Any]) -> str:
+    """What is said, behind their number, of sources that could be solved but whose greedy path fails."""
+    if sources["learner"] == "exact":  # there was nothing to learn
+        horizon = sources["learning"]["horizon"]
+        return f"have a best policy that reaches the goal within {horizon} steps less than every other time"
+    return "could be solved but were not learned"

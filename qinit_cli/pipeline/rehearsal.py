@@ -1,0 +1,151 @@
+"""Learning sources in the place of targets: what `qinit tune` chooses a method's parameters by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qinit_cli.analysis import returns
+from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.opening import family_in
+from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.methods import Method
+from qinit_cli.pipeline import fit as stage
+from qinit_cli.pipeline.asked import FROM_SOURCES, Rehearsing
+from qinit_cli.pipeline.fitting import selection_of
+from qinit_cli.pipeline.job import Plan
+from qinit_cli.pipeline.transfer import STAND_INS, TargetTasks, learn_targets, learning_bytes
+from qinit_cli.pipeline.tuning import FOLDS, Grid, folds, with_parameters
+from qinit_store.schema import tuning_schema
+from qinit_store.wording import counted
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.pipeline.sources import Rows
+    from qinit_cli.watch import Watch
+    from qinit_store.reading import Artefact
+
+# with 100 sources a candidate takes 0.1 to 10 s of one core: hours where steps are dear
+MOST_CANDIDATES = 2_000
+
+
+def tried(method: Method, values: Grid) -> list[Method]:
+    """The candidates, whole numbers where the method takes such; UsageError for a value or a number of them that cannot be."""
+    try:
+        typed = {
+            name: tuple(getattr(with_parameters(method, {name: value}), name) for value in asked)
+            for name, asked in values.items()
+        }
+        several = candidates(method, typed)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    if len(several) > MOST_CANDIDATES:
+        raise UsageError(
+            f"these are {len(several)} combinations; at most {MOST_CANDIDATES} are tried at once, give fewer values"
+        )
+    return several
+
+
+def plan_of(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
+    """The artefact of how every candidate fares on every source."""
+    family, tried = rehearsal.targets.family, rehearsal.candidates
+    spec = specs.tuning(
+        method, values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
+    )
+    return Plan(
+        stem=f"{family.label}-{method.name}-{source.task_count}",
+        spec=spec,
+        schema=tuning_schema(tuple(values), len(tried)),
+        learn=rehearsal,
+        kernel=f"{family.name} targets",
+        what=counted(len(tried), "candidate"),
+        read=source.path,
+        inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
+        learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
+        statics=parameters_of(tried, tuple(values)),
+    )
+
+
+def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) -> Rehearsal:
+    """The learner, with a fit of all other sources for each fold."""
+    family, fitting = family_in(source), FitOptions()
+    selection = selection_of(source, family, fitting)
+    if int(selection.kept.sum()) < 2 * FOLDS:
+        raise NotAllowed(
+            f"{source.path} has {counted(int(selection.kept.sum()), 'source')} to learn from; tune needs at least {2 * FOLDS}: "
+            "ask train-sources for more --tasks"
+        )
+    fold = folds(selection.kept)
+    states = int(np.prod(family.shape))
+    fits = []
+    for number in range(FOLDS):
+        others = replace(selection, kept=selection.kept & (fold != number))
+        blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
+        fits.append(Fit.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
+    sources = source.spec["learning"]
+    given = {name: sources[name] for name in FROM_SOURCES}
+    episodes = {} if rehearsing.episodes is None else {"episodes": rehearsing.episodes}
+    learning = replace(family.target_learning, **(given | episodes))
+    targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=STAND_INS)
+    return Rehearsal(targets, tried, fits, fold)
+
+
+def candidates(method: Method, grid: Grid) -> list[Method]:
+    """The method with every combination of the grid's values, and first as it is; ValueError for a value out of its range."""
+    others = [
+        replace(method, **dict(zip(grid, values, strict=True)))  # type: ignore[type-var]  # every concrete method is a dataclass
+        for values in product(*grid.values())
+    ]
+    return [method, *(other for other in others if other != method)]
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Learns sources in the place of targets, under every candidate; called as any learner is, with ids of sources."""
+
+    targets: TargetTasks  # whose tasks are the sources
+    candidates: Sequence[Method]
+    fits: Sequence[Fit]  # of all sources but those of a fold
+    fold: Integers  # (N,)
+
+    def __call__(self, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
+        """The ids of the sources that were finished under every candidate, and a row for each column of the artefact."""
+        rows: Rows = {
+            "average": np.full((len(indices), len(self.candidates)), np.nan),
+            "steps": np.zeros(len(indices), np.int64),
+            "seconds": np.zeros(len(indices)),
+        }
+        finished = self.fold[indices] < 0  # what cannot be fitted is not tried
+        for number in np.unique(self.fold[indices][~finished]):
+            places = np.flatnonzero(self.fold[indices] == number)
+            finished[places] = self._fold(indices[places], self.fits[number], watch, rows, places)
+        return indices[finished], {name: values[finished] for name, values in rows.items()}
+
+    def _fold(self, ids: Integers, fit: Fit, watch: Watch, rows: Rows, places: Integers) -> bool:
+        """Fills the rows at these places; whether all was learned before the watch stopped."""
+        gamma = self.targets.learning.gamma
+        for column, method in enumerate(self.candidates):
+            initial = method.initial(fit, self.targets.targets(0, _not_here))
+            done, learned = learn_targets(self.targets, initial, ids, watch.part(1 / len(self.candidates)))
+            if len(done) < len(ids):
+                return False
+            earned = returns.discounted_returns(learned["steps"], learned["reached"].astype(bool), gamma)
+            rows["average"][places, column] = earned.mean(axis=1)
+            rows["steps"][places] += learned["steps"].sum(axis=1, dtype=np.int64)
+            rows["seconds"][places] += learned["seconds"]
+        return True
+
+
+def parameters_of(methods: Sequence[Method], names: Sequence[str]) -> dict[str, Floats]:
+    """The named parameters of each method, (C,)."""
+    told: list[dict[str, Any]] = [asdict(method) for method in methods]  # type: ignore[call-overload]  # dataclasses
+    return {name: np.array([float(one[name]) for one in told]) for name in names}
+
+
+def _not_here() -> Floats:
+    raise NotAllowed("a method that reads the target itself has nothing that sources could choose")
