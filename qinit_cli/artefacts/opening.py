@@ -15,7 +15,7 @@ import numpy as np
 
 from qinit_cli.artefacts import settings
 from qinit_cli.elementary import exp, ln
-from qinit_cli.environments import Family, family_of
+from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
 from qinit_store import reading
@@ -194,14 +194,27 @@ def _highest(artefact: Artefact) -> dict[str, float]:
     spec, kind = artefact.spec, artefact.kind
     if kind == "fit":
         tasks = spec["sources"]["tasks"]
-        return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1}
-    if kind == "tuning" or spec.get("learner") == "exact":
+        longest = {f"{name}_mean": steps for name, steps in _longest_path(artefact).items()}
+        return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1, **longest}
+    if kind == "tuning":
         return {}
+    if spec.get("learner") == "exact":
+        return _longest_path(artefact)
     learning = settings.learning(spec["learning"])
     if kind == "run":
         return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}
     most = learning.episodes * learning.horizon
-    return {"steps": most, "visits": most, "curve_steps": learning.horizon}
+    return {"steps": most, "visits": most, "curve_steps": learning.horizon, **_longest_path(artefact)}
+
+
+def _longest_path(artefact: Artefact) -> dict[str, float]:
+    """The most steps of a path of sources: it meets no state twice, or ends at the horizon; none for a plug-in's family."""
+    drawn = artefact.spec.get("sources", artefact.spec)
+    if not FAMILIES.is_own(drawn["family"]["name"]):
+        return {}
+    column = next(one for one in artefact.schema.columns if one.name == TABLE[artefact.kind])
+    states = math.prod(artefact.schema.row_shape(column)[:-1])
+    return {"eopl": 1.0 + max(states, drawn["learning"]["horizon"])}
 
 
 def _columns(artefact: Artefact) -> tuple[Column, ...]:

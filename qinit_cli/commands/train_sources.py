@@ -77,6 +77,7 @@ def train_sources(
     sentence, warnings = f"{made.tally.tasks} tasks: already complete", list[str]()
     if not made.complete_before:
         sentence, warnings = _summary(made, tasks)
+        warnings += family.beyond if isinstance(family, Gym) else []
     warn(made, before, warnings, display)
     ends = family.ends()
     made.tally.extra |= ends

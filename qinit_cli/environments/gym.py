@@ -25,6 +25,7 @@ from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 from qinit_cli.learning import Learning
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -148,6 +149,15 @@ class Gym(TableFamily):
                 f"{' and '.join(idle_ones)} of {self.env_id} changes nothing from task to task: {seen}"
             )
         return "; ".join(told)
+
+    @property
+    def beyond(self) -> list[str]:
+        """A warning where the environment observed what lies beyond the bounds that it names; none if it did not."""
+        return [
+            f"{self.env_id} observed values beyond its own bounds in dimension {dimension} ({counted(count, 'time')}); "
+            f"they count in the last bin: give --range {dimension}=LOW:HIGH"
+            for dimension, count in sorted(self._seen.beyond.items())
+        ]
 
     @property
     def tabular(self) -> bool:  # type: ignore[override]  # a matter of the environment here

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 DEFAULT_BINS = 10
 UNBOUNDED = 1e6  # a bound beyond it is none
+ROUNDED = 1e-4  # of a bin, by which an observation in single precision may miss a bound
 RESETS = 200  # seeds 0 to 199, whose states are taken for where episodes start
 
 
@@ -34,6 +36,10 @@ class Seen:
     highs: tuple[float, ...]
     resets: Integers  # states after RESETS resets
     first: int = 0  # the number of the first state
+    own: tuple[bool, ...] = ()  # whether a dimension's bins cover the environment's own bounds
+    beyond: Counter[int] = field(
+        default_factory=Counter
+    )  # observations beyond those, by dimension, so far in this process
     limit: int = 0  # steps after which it cuts an episode off, as far as that is known; 0: never
 
     @property
@@ -54,6 +60,8 @@ class Seen:
                     "observations must be finite"
                 )
             place = (value - low) / (high - low) * bins
+            if not -ROUNDED <= place <= bins + ROUNDED and self.own[dimension]:
+                self.beyond[dimension] += 1
             state = state * bins + int(min(max(place, 0), bins - 1))
         return state
 
@@ -114,7 +122,9 @@ def _spaces(env_id: str, env: Any, bins: str, ranges: tuple[str, ...]) -> Seen:
     first = 0 if lows else int(env.observation_space.start)
     actions = int(env.action_space.n)
     tabled = has_table(env) and observed == "Discrete" and first == 0  # P numbers states from 0 on
-    return Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first)
+    given = {text.partition("=")[0] for text in ranges}
+    own = tuple(str(place) not in given for place in range(len(lows)))
+    return Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first, own)
 
 
 def _grid(env: Any) -> tuple[int, ...]:

@@ -297,6 +297,16 @@ def test_a_number_however_large_is_in_the_last_bin() -> None:
     assert pole.state([0.0, -1.7e308, 0.0, 0.0]) == pole.state([0.0, -2.0, 0.0, 0.0])
 
 
+def test_what_is_observed_beyond_the_environments_own_bounds_is_counted() -> None:
+    pole = POLE._seen
+    pole.beyond.clear()
+    assert pole.state([9.0, 99.0, 0.0, 0.0]) == pole.state([4.8, 99.0, 0.0, 0.0])
+    [warning] = POLE.beyond  # not of dimension 1, whose range was given
+    assert "beyond its own bounds in dimension 0 (1 time)" in warning
+    pole.beyond.clear()
+    assert POLE.beyond == []
+
+
 class Given(gymnasium.Env):
     """Observes and pays what it is told to, and ends at once."""
 
