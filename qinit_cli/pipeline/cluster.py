@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakValueDictionary
 
-from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.errors import NotAllowed, QinitError, UsageError
 from qinit_cli.pipeline.answers import Unfit, WorkerFailed, opened, packed
 from qinit_cli.pipeline.workers import IN_FLIGHT, Careful, Outcome, batches, results
 from qinit_cli.watch import Watch
-from qinit_store.errors import SystemFailed
+from qinit_store.errors import StoreError, SystemFailed
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -127,15 +127,26 @@ def connected(place: str) -> Iterator[Client]:
             "or leave out --dask"
         ) from error
     try:
-        try:
-            _within(WORKER_SECONDS + SCHEDULER_SECONDS, partial(_expect_workers, client, address))
-            _within(SCHEDULER_SECONDS, partial(_refuse_other_versions, client))
-        except OSError as error:
-            raise SystemFailed(f"the Dask scheduler at {address} no longer answers; start it anew") from error
+        _asked(address, WORKER_SECONDS + SCHEDULER_SECONDS, partial(_expect_workers, client, address))
+        _asked(address, SCHEDULER_SECONDS, partial(_refuse_other_versions, client))
         yield client
     finally:
         with suppress(OSError, RuntimeError):  # a scheduler that is gone cannot be told good-bye
             _within(CLOSE_SECONDS, partial(client.close, timeout=CLOSE_SECONDS))
+
+
+def _asked(address: str, seconds: float, ask: Callable[[], Result]) -> Result:
+    """What the scheduler there answers; SystemFailed where it is silent, or answers what no scheduler does."""
+    try:
+        return _within(seconds, ask)
+    except (QinitError, StoreError):
+        raise
+    except OSError as error:
+        raise SystemFailed(f"the Dask scheduler at {address} no longer answers; start it anew") from error
+    except Exception as error:  # what cannot be read ends in an error of any kind, in Dask's code or in ours
+        raise SystemFailed(
+            f"what answers at {address} answers as no Dask scheduler does ({type(error).__name__}); start it anew"
+        ) from error
 
 
 def _within(seconds: float, call: Callable[[], Result]) -> Result:
@@ -158,7 +169,7 @@ def _within(seconds: float, call: Callable[[], Result]) -> Result:
 def threads(place: str) -> int:
     """How many threads the cluster has now."""
     with connected(place) as client:
-        return max(1, _threads(client))
+        return max(1, _asked(place, SCHEDULER_SECONDS, partial(_threads, client)))
 
 
 @cache
@@ -218,7 +229,7 @@ class Cluster(Executor):
         self._open: dict[Future[Answer | None], Future[Any]] = {}  # ours: Dask's
         self._lock = threading.Lock()
         self._deadline = float("inf")  # of batches, once stopped
-        self._count = _within(SCHEDULER_SECONDS, partial(_threads, client))
+        self._count = _asked(place, SCHEDULER_SECONDS, partial(_threads, client))
         self._counting: threading.Thread | None = None
         self._lost: Exception | None = None
         self._unfit = False  # whether an answer did not fit
@@ -279,7 +290,8 @@ class Cluster(Executor):
     def _recount(self) -> None:
         time.sleep(LOOK_SECONDS)
         if self._client.status == "running":
-            with suppress(OSError, RuntimeError):  # the client may be closed meanwhile
+            # the client may be closed meanwhile, and what answers may answer anything: the count stays as it was
+            with suppress(Exception):
                 self._count = _threads(self._client) or self._count
 
     def _look(self) -> None:
@@ -354,8 +366,8 @@ class Cluster(Executor):
         """Who answered, as the scheduler knows it."""
         ask = partial(self._client.sync, self._client.scheduler.who_has, keys=[key])
         try:
-            [[address]] = _within(LOOK_SECONDS, ask).values()
-        except (OSError, ValueError):  # it is silent, or the worker has gone
+            [[address]] = _asked(self._place, LOOK_SECONDS, ask).values()
+        except (SystemFailed, ValueError, TypeError, AttributeError):  # it is silent, or names no worker
             return f"a worker of the Dask cluster at {self._place}"
         return f"the worker {address}"
 

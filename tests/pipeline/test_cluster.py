@@ -459,6 +459,67 @@ def test_an_answer_that_does_not_fit_is_not_saved_and_ends_the_work_naming_the_w
     assert "the worker tcp://10.0.0.7:4711 gave no usable answer" in str(raised.value)
 
 
+@dataclass
+class Lying(Pretended):
+    """A client of a scheduler that says what no scheduler says."""
+
+    end: Callable[[Future[Any]], object] = Future.cancel
+    told: Any = None
+
+    def wait_for_workers(self, *arguments: Any, **options: Any) -> None:
+        pass
+
+    def close(self, timeout: float) -> None:
+        pass
+
+    def get_versions(self, **options: Any) -> Any:
+        return self.told
+
+    def scheduler_info(self, n_workers: int) -> Any:
+        return self.told
+
+    def sync(self, function: Any, keys: list[str]) -> Any:
+        return self.told
+
+
+LIES = (
+    None,
+    7,
+    [],
+    {},
+    {"scheduler": 1, "workers": [], "total_threads": "many"},
+    {"total_threads": float("nan")},
+)
+
+
+@pytest.mark.parametrize("told", LIES)
+def test_a_scheduler_that_answers_anything_is_said_to_be_none(
+    told: Any, here: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(distributed.Client, "__new__", lambda *_, **__: Lying(told=told))
+    ended = here("train-sources", "gridworld", "--dask", "tcp://there:1", "--dry-run")
+    assert ended.code == 7
+    assert "what answers at tcp://there:1 answers as no Dask scheduler does" in ended.err
+
+
+@pytest.mark.parametrize("told", [None, {}, {"key": 3}, {"key": ["a", "b"]}])
+def test_a_scheduler_that_names_no_worker_does_not_hide_that_an_answer_was_wrong(told: Any) -> None:
+    made = cluster.Cluster(Pretended(Future.cancel), "tcp://there:1", _learned, Watch(), SCHEMA)
+    made._client = Lying(told=told)
+    assert made._worker("key") == "a worker of the Dask cluster at tcp://there:1"
+
+
+@pytest.mark.parametrize("silent", [TimeoutError(), ConnectionResetError()])
+def test_a_scheduler_that_falls_silent_before_work_begins_ends_in_a_sentence(silent: OSError) -> None:
+    def raises() -> int:
+        raise silent
+
+    client = Pretended(Future.cancel)
+    client.scheduler_info = lambda n_workers: raises()  # type: ignore[method-assign,assignment]  # a stand-in
+    with pytest.raises(SystemFailed, match="tcp://there:1 no longer answers"):
+        cluster.Cluster(client, "tcp://there:1", _learned, Watch(), SCHEMA)
+
+
 def _talking(words: bytes) -> Iterator[str]:
     """The address of a server that accepts, says this and nothing more."""
     with socket.create_server(("127.0.0.1", 0)) as server:
