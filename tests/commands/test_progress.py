@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.commands import making, messages
+from qinit_cli.commands import messages
 from qinit_cli.commands.groups import Display
 from qinit_cli.kernels import compiled
+from qinit_cli.pipeline import job
 from qinit_cli.pipeline import workers as workforce
 from qinit_cli.watch import Watch
 
@@ -153,7 +154,8 @@ def test_a_signal_while_a_kernel_is_compiled_is_answered(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = Watch()
-    tick = making._Ticking(messages.Progress(Display(), "sources", 0, 20, watch), watch, Display())
+    reporter = messages.Printed(Display())
+    tick = job._Ticking(reporter.progress("sources", 0, 20, watch), watch, reporter)
     monkeypatch.setattr(compiled, "_under_way", ["qinit_cli.kernels.gridworld"])
     tick()
     assert capsys.readouterr().err == ""
