@@ -132,7 +132,7 @@ def test_a_fit_counts_its_sources(here: Any, pipeline: Any, impatient: None, tmp
 
 
 def test_the_same_line_is_not_printed_twice(impatient: None, capsys: pytest.CaptureFixture[str]) -> None:
-    progress = messages.Progress(Display(), "sources", 0, 20, Watch())
+    progress = messages.TaskBar(Display(), "sources", 0, 20, Watch())
     for _ in range(3):  # while a kernel is compiled
         progress.tick()
     progress.advance(1)
