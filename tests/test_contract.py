@@ -95,7 +95,7 @@ def transferred(name: str, method: Method, fit: Fit, seed: int = 1) -> tuple[Any
     """What the method starts targets from, and the rows that they leave."""
     targets = targets_of(name, seed)
     shape = (TARGETS, math.prod(targets.family.shape), len(targets.family.actions))
-    initial = method.initial(fit, targets.targets(TARGETS, lambda: np.full(shape, 0.5)))
+    initial = method.initial(fit, targets.targets(TARGETS, np.full(shape, 0.5)))
     return initial, learn_targets(targets, initial, np.arange(TARGETS), Watch())[1]
 
 
@@ -163,7 +163,7 @@ def test_knowing_nothing_a_method_is_zero(family: str, method: str, known: dict[
     nothing = replace(blank, **tables, value_mean=np.zeros_like(blank.value_mean))
     targets, made = targets_of(family), METHODS[method](**NEUTRAL.get(method, {}))
     shape = (TARGETS, *blank.mean.shape)
-    initial = made.initial(nothing, targets.targets(TARGETS, lambda: np.zeros(shape)))
+    initial = made.initial(nothing, targets.targets(TARGETS, np.zeros(shape)))
     _, rows = learn_targets(targets, initial, np.arange(TARGETS), Watch())
     _, plain = transferred(family, METHODS["zero"](), known[family])
     for name in plain.keys() - {"seconds"}:

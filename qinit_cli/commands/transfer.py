@@ -131,7 +131,7 @@ def transfer(
     tables = OptimalTables(
         targets, count, known.learning, output.keeping, machine, Printed(display), output.dry_run
     )
-    initial = method.initial(known.fit, targets.targets(count, tables))
+    initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
     inputs = [*choice, *tables.inputs]
     plan = plan_of(method, targets, initial, count, known, inputs)
     if output.dry_run:

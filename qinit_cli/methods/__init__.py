@@ -50,4 +50,6 @@ def _fault(found: type[Any]) -> str:
     """What a class lacks to be a method."""
     if not issubclass(found, Method):
         return "its class is no Method"
+    if found.needs_tables and not found.privileged:
+        return "it needs the targets' tables and is not privileged"
     return "" if isinstance(getattr(found, "formula", None), str) else "it lacks a formula"

@@ -10,7 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option, options
+from qinit_cli.methods.targets import Targets
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from qinit_cli.fitted import Fit
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.kernels.posterior import Hypotheses
-    from qinit_cli.methods.targets import Targets
+    from qinit_cli.learning import Learning
 
 LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
 
@@ -66,6 +68,7 @@ class Method:
     name: ClassVar[str]
     formula: ClassVar[str]
     privileged: ClassVar[bool] = False  # reads the target's parameters
+    needs_tables: ClassVar[bool] = False  # reads Q* of the targets, which are then made before it is asked
     reconstructed: ClassVar[bool] = False  # its authors' formula is not public
 
     def __post_init__(self) -> None:
@@ -133,6 +136,12 @@ class Method:
             filled=int(unknown.sum()),
             clipped=int((clipped != known).sum()),
         )
+
+    def initial_of_all(self, fit: Fit, family: Family, learning: Learning) -> Initial:
+        """The same where no target may be looked at; NotAllowed for a privileged method."""
+        if self.privileged:
+            raise NotAllowed(f"{self.name} starts from the target itself, not from a fit alone")
+        return self.initial(fit, Targets.unseen(family, learning))
 
 
 @dataclass(frozen=True)

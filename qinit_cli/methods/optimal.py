@@ -20,7 +20,8 @@ class Optimal(Method):
     name: ClassVar[str] = "optimal"
     formula: ClassVar[str] = "Q* of the target"
     privileged: ClassVar[bool] = True
+    needs_tables: ClassVar[bool] = True
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """Q* of each target, (T, S, A)."""
-        return targets.optimal()
+        return targets.tables

@@ -55,5 +55,5 @@ def initialisations() -> dict[str, type[Method]]:
     return {
         name: method
         for name, method in METHODS.items()
-        if method is Zero or issubclass(method, Initialisation)
+        if method is Zero or (issubclass(method, Initialisation) and not method.privileged)
     }

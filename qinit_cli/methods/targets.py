@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,24 @@ class Targets:
     family: Family
     learning: Learning
     tasks: Tasks  # (T,)
-    optimal: Callable[
-        [], Floats
-    ]  # Q* of each, (T, S, A): exact, or learned as a source is where there are no exact tables
+    tables: Floats  # (T, S, A) Q* of each, exact or learned; no rows for a method that does not need them
+
+    @classmethod
+    def unseen(cls, family: Family, learning: Learning) -> Targets:
+        """What is shown of targets that nobody may look at: the family and how they are learned."""
+        import numpy as np
+
+        from qinit_cli.environments.family import draw_tasks
+        from qinit_cli.seeding import Stream
+
+        tasks = draw_tasks(family, 0, Stream.TARGET_TASK, np.arange(0))
+        return cls(family, learning, tasks, no_tables(family))
+
+
+def no_tables(family: Family) -> Floats:
+    """The tables of no target, (0, S, A)."""
+    import math
+
+    import numpy as np
+
+    return np.empty((0, math.prod(family.shape), len(family.actions)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,22 +93,15 @@ def _methods(names: Sequence[str] | None) -> list[type[Method]]:
 
 def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) -> Panels:
     """The start of each method, largest over the actions; those that the fit does not allow are noted, if anywhere."""
-    import numpy as np
-
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.transfer import TargetTasks
 
     known = Knowledge.read(path)
     learning = known.family.target_learning
-    # initialisations look at no target
-    nobody = TargetTasks(known.family, learning, seed=0, keep_q=False).targets(
-        0, partial(np.empty, (0, *known.fit.mu.shape))
-    )
     tables = {}
     for method in methods:
         try:
             found = method()
-            start = found.initial(known.fit, nobody).start
+            start = found.initial_of_all(known.fit, known.family, learning).start
         except NotAllowed as refusal:
             if notes is None:
                 raise

@@ -256,15 +256,7 @@ def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str
 
 def start(method: Method, fit: Fit, family: Family) -> Floats:
     """What an initialisation starts from, (S, A); NotAllowed where the fit's estimator has no such start."""
-    import numpy as np
-
-    from qinit_cli.pipeline.transfer import TargetTasks
-
-    # initialisations look at no target
-    nobody = TargetTasks(family, family.target_learning, seed=0, keep_q=False).targets(
-        0, partial(np.empty, (0, *fit.mean.shape))
-    )
-    return method.initial(fit, nobody).start
+    return method.initial_of_all(fit, family, family.target_learning).start
 
 
 def _starts(fit: Fit, family: Family) -> list[Floats]:

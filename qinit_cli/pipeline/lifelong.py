@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -129,7 +129,9 @@ class Lifetime:
 
     def _initial(self) -> Initial:
         """What the method makes of all that is known."""
-        return self.method.initial(self.known.fit(self.fit), self.targets.targets(0, _no_tables))
+        return self.method.initial_of_all(
+            self.known.fit(self.fit), self.targets.family, self.targets.learning
+        )
 
     def _absorb(self, row: Rows) -> None:
         shape = self.fit.mu.shape
@@ -154,10 +156,6 @@ def _moments(n: Integers, mean: Floats, std: Floats, smallest: Floats, largest: 
         smallest=np.where(known, smallest, np.inf),
         largest=np.where(known, largest, -np.inf),
     )
-
-
-def _no_tables() -> NoReturn:
-    raise NotAllowed("a method that reads the target's own table does not learn from the tasks before it")
 
 
 def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
+from qinit_cli.methods.targets import no_tables
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import SILENT, Reporter
@@ -14,12 +15,13 @@ from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
+    from qinit_cli.methods import Method
     from qinit_cli.pipeline.transfer import TargetTasks
 
 
 @dataclass
 class OptimalTables:
-    """The tables, made when they are first asked for; `inputs` then names the artefact they came from."""
+    """The tables, made for a method that needs them; `inputs` then names the artefact they came from."""
 
     targets: TargetTasks
     count: int
@@ -30,8 +32,11 @@ class OptimalTables:
     trial: bool = False  # whether tables that must be learned are left at zero
     inputs: list[dict[str, str]] = field(default_factory=list)
 
-    def __call__(self) -> Floats:
-        """Q* of each target, (T, S, A)."""
+    def needed_by(self, method: Method) -> Floats:
+        """Q* of each target, (T, S, A); no rows where the method does not need them."""
+        return self._made() if method.needs_tables else no_tables(self.targets.family)
+
+    def _made(self) -> Floats:
         import math
 
         import numpy as np

@@ -130,7 +130,7 @@ class Rehearsal:
         """Fills the rows at these places; whether all was learned before the watch stopped."""
         gamma = self.targets.learning.gamma
         for column, method in enumerate(self.candidates):
-            initial = method.initial(fit, self.targets.targets(0, _not_here))
+            initial = method.initial_of_all(fit, self.targets.family, self.targets.learning)
             done, learned = learn_targets(self.targets, initial, ids, watch.part(1 / len(self.candidates)))
             if len(done) < len(ids):
                 return False
@@ -145,7 +145,3 @@ def parameters_of(methods: Sequence[Method], names: Sequence[str]) -> dict[str, 
     """The named parameters of each method, (C,)."""
     told: list[dict[str, Any]] = [asdict(method) for method in methods]  # type: ignore[call-overload]  # dataclasses
     return {name: np.array([float(one[name]) for one in told]) for name in names}
-
-
-def _not_here() -> Floats:
-    raise NotAllowed("a method that reads the target itself has nothing that sources could choose")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -86,11 +85,11 @@ class TargetTasks:
         spread = np.geomspace(1, episodes, MOMENTS).round().astype(np.int64)
         return np.unique(np.concatenate([[0], spread]))
 
-    def targets(self, count: int, optimal: Callable[[], Floats]) -> Targets:
-        """The first `count` tasks as a privileged method sees them; `optimal` makes their Q* if asked."""
+    def targets(self, count: int, tables: Floats) -> Targets:
+        """The first `count` tasks as a privileged method sees them, with Q* of each, (T, S, A), where it needs them."""
         import numpy as np
 
-        return Targets(self.family, self.learning, self.draw(np.arange(count)), optimal)
+        return Targets(self.family, self.learning, self.draw(np.arange(count)), tables)
 
     def draw(self, indices: Integers) -> Tasks:
         """The tasks at these indices, (B,)."""

@@ -68,7 +68,7 @@ def _targets(seed: int = 0) -> Targets:
         FAMILY,
         FAMILY.target_learning,
         tasks,
-        lambda: FAMILY.solve(tasks, FAMILY.target_learning.gamma)[0],
+        FAMILY.solve(tasks, FAMILY.target_learning.gamma)[0],
     )
 
 
@@ -371,3 +371,13 @@ def test_no_other_method_leaves_anything_to_the_family() -> None:
     for name, method in METHODS.items():
         if name != "posterior":
             assert method().on(FAMILY) == method()
+
+
+def test_a_method_that_looks_at_targets_starts_none_unseen() -> None:
+    for method in METHODS.values():
+        if method.privileged:
+            with pytest.raises(NotAllowed, match="starts from the target itself"):
+                method().initial_of_all(FIT, FAMILY, FAMILY.target_learning)
+        elif method is not Posterior:
+            unseen = method().initial_of_all(FIT, FAMILY, FAMILY.target_learning)
+            np.testing.assert_array_equal(unseen.start, _initial(method()).start)

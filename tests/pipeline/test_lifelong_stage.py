@@ -97,7 +97,7 @@ def test_each_task_starts_from_the_sources_and_the_tasks_before_it(sources: Any)
 
 def test_the_first_task_is_learned_as_transfer_learns_it(sources: Any) -> None:
     rows = _live(sources, 1)
-    initial = MEDIAN.initial(_fit(sources), TARGETS.targets(1, lambda: np.empty(0)))
+    initial = MEDIAN.initial_of_all(_fit(sources), TARGETS.family, TARGETS.learning)
     _, plain = learn_targets(TARGETS, initial, np.arange(1), Watch())
     np.testing.assert_array_equal(rows["steps"], plain["steps"])
 

@@ -70,7 +70,7 @@ def test_a_source_starts_from_the_fit_of_the_other_folds() -> None:
     ids, rows = rehearsal(np.arange(10), Watch())
     np.testing.assert_array_equal(ids, np.arange(10))
     for column, method in enumerate(tried):
-        initial = method.initial(_fits(FOLDS)[3], STANDING_IN.targets(0, lambda: np.empty(0)))
+        initial = method.initial_of_all(_fits(FOLDS)[3], STANDING_IN.family, STANDING_IN.learning)
         _, alone = learn_targets(STANDING_IN, initial, np.array([6, 7]), Watch())
         earned = np.where(alone["reached"] == 1, LEARNING.gamma ** (alone["steps"] - 1.0), 0.0).mean(axis=1)
         np.testing.assert_allclose(rows["average"][6:8, column], earned, rtol=1e-12)

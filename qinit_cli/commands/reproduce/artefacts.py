@@ -137,7 +137,7 @@ class Maker:
         keeping = replace(self.keeping, command=tuple(run_command(run, fit, str(self.keeping.store))))
         targets = targets_of_run(run, known.spec)
         tables = OptimalTables(targets, run.tasks, known.learning, keeping, self.machine, reporter)
-        initial = run.method.initial(known.fit, targets.targets(run.tasks, tables))
+        initial = run.method.initial(known.fit, targets.targets(run.tasks, tables.needed_by(run.method)))
         plan = plan_of(run.method, targets, initial, run.tasks, known, tables.inputs)
         return make(plan, keeping, self.machine, reporter)
 
