@@ -74,7 +74,7 @@ def train_sources(
         say_expected(expected, output, display)
         return
     made = make(plan, output.keeping, machine, Printed(display))
-    sentence, warnings = f"{made.tally.tasks} tasks: already complete", list[str]()
+    sentence, warnings = f"{counted(made.tally.tasks, 'task')}: already complete", list[str]()
     if not made.complete_before:
         sentence, warnings = _summary(made, tasks)
         warnings += family.beyond if isinstance(family, Gym) else []

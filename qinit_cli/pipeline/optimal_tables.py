@@ -62,7 +62,7 @@ class OptimalTables:
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
         self.reporter.note(
-            f"optimal starts from tables of the {self.count} targets themselves, learned as sources are",
+            f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",
         )
         # all of them, whatever share of the run is learned here
         plan = plan_of(tasks, self.count)
@@ -82,7 +82,7 @@ class OptimalTables:
         import numpy as np
 
         self.reporter.note(
-            f"optimal would first learn the tables of the {self.count} targets, which takes what as many sources take",
+            f"optimal would first learn the tables of {counted(self.count, 'target')}, which takes what as many sources take",
         )
         return np.zeros((self.count, math.prod(self.targets.family.shape), len(self.targets.family.actions)))
 
