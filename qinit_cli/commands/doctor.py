@@ -109,9 +109,12 @@ def _plug_ins() -> str:
 
 def _store(root: Path) -> str:
     """Where artefacts go, and the room there."""
-    free = os.statvfs(_nearest(root))
+    from qinit_cli.pipeline.room import free_on_disk
+
+    free = free_on_disk(_nearest(root))
+    room = "free space unknown" if free is None else f"{free / 1e9:.1f} GB free"
     state = "" if root.exists() else ", made when first needed"
-    return f"{root}, {free.f_bavail * free.f_frsize / 1e9:.1f} GB free{state}"
+    return f"{root}, {room}{state}"
 
 
 def _file_system(root: Path) -> str:

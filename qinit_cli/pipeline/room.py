@@ -85,13 +85,22 @@ def check_memory(size: Footprint, count: int, threads: int, *, held: bool = Fals
 def check_disk(size: Footprint, count: int, where: Path) -> None:
     """SystemFailed where what is saved while tasks are learned does not fit onto the disk."""
     folder = next(one for one in (where, *where.absolute().parents) if one.is_dir())
-    status = os.statvfs(folder)
-    free = status.f_bavail * status.f_frsize
-    if (needed := count * size.uncompressed) > free:
+    free = free_on_disk(folder)
+    if free is not None and (needed := count * size.uncompressed) > free:
         raise SystemFailed(
             f"{counted(count, 'task')} {noun(count, 'needs', 'need')} at least {_told(needed)} on the disk of {folder}, where "
             f"{_told(free)} are free; name another --store or -o, or ask for fewer --tasks"
         )
+
+
+def free_on_disk(folder: Path) -> int | None:
+    """Bytes that are free in a folder; None where its file system does not tell, as some of networks do not."""
+    try:
+        status = os.statvfs(folder)
+    except OSError:
+        return None
+    # no blocks at all: a file system without a size of its own
+    return status.f_bavail * status.f_frsize if status.f_blocks else None
 
 
 def memory_available() -> int:

@@ -61,7 +61,9 @@ def test_too_small_a_disk_is_said_before_a_task_is_learned(
     here: Callable[..., Ended], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # q and td_var alone, which parts keep as they are: 8 tasks of 144 pairs of 16 bytes
-    monkeypatch.setattr(os, "statvfs", lambda path: SimpleNamespace(f_bavail=8 * 144 * 16, f_frsize=1))
+    monkeypatch.setattr(
+        os, "statvfs", lambda path: SimpleNamespace(f_bavail=8 * 144 * 16, f_frsize=1, f_blocks=10**6)
+    )
     ended = here("train-sources", *GRID, "--tasks", 8, "--learner", "exact")
     assert ended.code == 7
     assert "0.0 MB are free" in ended.err
@@ -90,3 +92,21 @@ def test_bins_hold_the_episodes_that_fall_into_them(episodes: int, bins: int) ->
     counted = np.bincount(np.arange(episodes) * bins // episodes, minlength=bins)
     np.testing.assert_array_equal(bin_sizes(episodes, bins), counted)
     assert bin_sizes(10**15, 100).sum() == 10**15
+
+
+def _refuses(folder: Path) -> os.statvfs_result:
+    raise OSError(38, "Function not implemented")
+
+
+@pytest.mark.parametrize(
+    "answer", [_refuses, lambda folder: SimpleNamespace(f_bavail=0, f_frsize=4096, f_blocks=0)]
+)
+def test_a_file_system_that_does_not_tell_its_free_space_is_written_to(
+    answer: Callable[[Path], object],
+    here: Callable[..., Ended],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(os, "statvfs", answer)
+    room.check_disk(room.Footprint(1, 10**6, 10**6), 10**9, tmp_path / "a.h5")
+    assert "free space unknown" in here("doctor", "--store", tmp_path).out
