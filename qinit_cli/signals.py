@@ -9,6 +9,7 @@ once Python reports that it ignored the exception, and after some seconds in whi
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -39,6 +40,8 @@ def install() -> None:
     for number in ENDING:
         signal.signal(number, _end_soon)
     sys.unraisablehook = _unless_interrupted(sys.unraisablehook)
+    # the last that runs while there are handlers: without one the alarm would end the process with its own code, 142
+    atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)
 
 
 def end_from_now_on() -> None:

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -31,3 +33,25 @@ def test_handlers_are_given_back() -> None:
 
 def test_whoever_catches_everything_does_not_swallow_an_interrupt() -> None:
     assert not issubclass(Interrupted, Exception)
+
+
+def test_an_end_in_good_order_that_takes_long_keeps_the_code_of_its_signal() -> None:
+    program = """
+import os, signal, sys, time
+from qinit_cli import signals
+from qinit_cli.errors import Interrupted
+
+class Slow:
+    def __del__(self, sleep=time.sleep):
+        sleep(0.3)
+
+signals.PATIENCE = signals.LOOK = 0.1
+signals.install()
+slow = Slow()
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(1)
+except Interrupted as interrupted:
+    sys.exit(interrupted.exit_code)
+"""
+    assert subprocess.run([sys.executable, "-c", program], timeout=30).returncode == 130
