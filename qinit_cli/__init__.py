@@ -1,3 +1,66 @@
-"""qinit: initial values for new tasks from solved ones, in tabular reinforcement learning."""
+"""qinit: initial values for new tasks from solved ones, in tabular reinforcement learning.
+
+    import qinit_cli as qinit
+
+What the library offers is in qinit_cli.library, and loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from qinit_cli.library import (
+        compare,
+        families,
+        fit,
+        lifelong,
+        methods,
+        open,
+        start,
+        train_sources,
+        transfer,
+        tune,
+    )
+    from qinit_cli.pipeline.reporter import Reporter
+    from qinit_store.catalog import Store
 
 __version__ = "0.1.0"
+__all__ = [
+    "Reporter",
+    "Store",
+    "compare",
+    "families",
+    "fit",
+    "lifelong",
+    "methods",
+    "open",
+    "start",
+    "train_sources",
+    "transfer",
+    "tune",
+]
+
+
+class _Library(ModuleType):
+    """The package, whose public names come from qinit_cli.library when they are first used."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from qinit_cli import library
+
+        return getattr(library, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        # the import system would put the package qinit_cli.methods in the place of the methods by name
+        if name != "methods":
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        return sorted([*__all__, "__version__"])
+
+
+sys.modules[__name__].__class__ = _Library

@@ -34,7 +34,7 @@ from qinit_store.errors import StoreError, SystemFailed
 from qinit_store.wording import printable
 
 PANELS = {
-    "The pipeline": ("train-sources", "fit", "transfer", "lifelong", "compare", "verdicts"),
+    "The pipeline": ("train-sources", "fit", "start", "transfer", "lifelong", "compare", "verdicts"),
     "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
     "The paper": ("reproduce",),
     "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
@@ -75,6 +75,10 @@ LATER = {  # commands with many subcommands, made when they are needed, each wit
     "lifelong": (
         "Learn targets one after another; what each learned may be added to what is known; prints the path.",
         "qinit lifelong logqinit-median fit.h5 --tasks 20 --update",
+    ),
+    "start": (
+        "Write the start table of a method as a target would get it; prints the path.",
+        "qinit start logqinit-median fit.h5 -o start.npz",
     ),
     "tune": (
         "Choose a method's parameters by its sources alone, no target being seen.",

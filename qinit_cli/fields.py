@@ -97,7 +97,10 @@ def numbers(owner: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
 
 
 def check(instance: DataclassInstance) -> None:
-    """Raises ValueError, one sentence, for the first option of a wrong type, out of its range, not finite or no choice."""
+    """Raises ValueError, one sentence, for the first option of a wrong type, out of its range, not finite or no choice.
+
+    Numbers become Python's own, floats where the option is one.
+    """
     hints = get_type_hints(type(instance))
     for field in options(type(instance)):
         value = getattr(instance, field.name)
@@ -106,8 +109,16 @@ def check(instance: DataclassInstance) -> None:
         choices = _choices(hints[field.name])
         if choices and value not in (*choices, field.default):  # which may be None
             raise ValueError(f"{flag(field.name)} is {value!r}; {nearest(str(value), choices)}")
-        if isinstance(value, int | float) and not isinstance(value, bool):
+        if isinstance(value, Real) and not isinstance(value, bool):
             _check_number(field, value)
+            # as the command line reads it, and as it is stored: 7 and numpy's 7.0 are one setting
+            object.__setattr__(instance, field.name, _plain(value, hints[field.name]))
+
+
+def _plain(value: Any, hint: Any) -> int | float:
+    """A number as Python's own, of the type that the annotation names."""
+    whole = int in (hint, *get_args(hint)) and isinstance(value, Integral)
+    return int(value) if whole else float(value)
 
 
 def is_of(value: Any, hint: Any) -> bool:
@@ -153,7 +164,7 @@ BOUNDS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
 }
 
 
-def _check_number(field: dataclasses.Field[Any], value: float) -> None:
+def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
     if not math.isfinite(value):
         raise ValueError(f"{flag(field.name)} is {value}; it must be a finite number")
     for name, (_, holds) in BOUNDS.items():

@@ -72,6 +72,7 @@ def compare(
     from qinit_cli.commands import comparison_tables as tables
     from qinit_cli.commands.tables import print_table
     from qinit_cli.comparison import rows as stage
+    from qinit_cli.comparison.table import plain_rows
 
     metric, baseline = comparing.metric, comparing.baseline
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
@@ -86,7 +87,7 @@ def compare(
         _say_what_is_missing(comparison, comparing, display)
     if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
         for comparison in comparisons:
-            rows = [tables.marked(row) for row in tables.rows(comparison, metric)]
+            rows = [tables.marked(row) for row in plain_rows([comparison], metric)]
             print_table(
                 SCHEMA,
                 tables.for_people(columns),
@@ -106,7 +107,7 @@ def compare(
 
 def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
     """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
-    from qinit_cli.commands import comparison_tables as tables
+    from qinit_cli.comparison.table import plain_rows
 
     return {
         "schema": SCHEMA,
@@ -119,7 +120,7 @@ def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
             }
             for one in comparisons
         ],
-        "rows": [row for one in comparisons for row in tables.rows(one, metric)],
+        "rows": plain_rows(comparisons, metric),
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,7 @@ from qinit_cli.nearest import nearest
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.estimates import Estimate
-    from qinit_cli.comparison.rows import Comparison, Row
+    from qinit_cli.comparison.rows import Comparison
 
 MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
 NAMED = ("targets", "sets", "method")  # what a row is of
@@ -81,50 +79,11 @@ def caption(comparison: Comparison, metric: str) -> str:
     return "\n".join(lines)
 
 
-def rows(comparison: Comparison, metric: str) -> list[dict[str, Any]]:
-    """The values of each row, by the keys of the columns."""
-    return [_values(row, metric) | {"targets": comparison.title} for row in comparison.rows]
-
-
 def marked(row: dict[str, Any]) -> dict[str, Any]:
     """The row with its remark as a mark at the method, which the caption explains."""
     return row | {"method": row["method"] + MARKS.get(row["remark"], "")}
 
 
-def _values(row: Row, metric: str) -> dict[str, Any]:
-    threshold = row.threshold
-    return {
-        "method": row.label,
-        "sets": row.sets,
-        "p": row.p,
-        "success": row.success,
-        "restricted_steps": row.steps,
-        "censored": None if threshold is None else threshold.censored,
-        "negative_transfer": row.negative_transfer,
-        "remark": row.remark,
-        **_bounds(metric, row.average),
-        **_bounds("difference", row.difference),
-        **_bounds("transfer_ratio", row.ratio),
-        **_bounds("jumpstart", row.jumpstart),
-        **_bounds("asymptotic", row.asymptotic),
-        **_bounds("regret", row.regret),
-        **_bounds("iqm", row.iqm),
-        **_bounds("probability_of_improvement", row.improvement),
-        **_bounds("time_to_threshold", None if threshold is None else threshold.median),
-        **_bounds(
-            "restricted_mean_time_to_threshold", None if threshold is None else threshold.restricted_mean
-        ),
-    }
-
-
 def _summary(key: str, heading: str, digits: int) -> TableColumn:
     """A column whose interval is left out for people."""
     return TableColumn(key, heading, digits, interval=True, bounds_shown=False, dispensable=True)
-
-
-def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
-    numbers = (math.nan,) * 3 if estimate is None else (estimate.mean, estimate.low, estimate.high)
-    names = (key, f"{key}_low", f"{key}_high")
-    return {
-        name: number if math.isfinite(number) else None for name, number in zip(names, numbers, strict=True)
-    }

@@ -77,10 +77,9 @@ def lifelong(
 
 def _check_alone(method: Method, machine: Machine) -> None:
     """UsageError where tasks of this method cannot add to each other, or not so."""
-    if method.privileged or not method.reads_moments:
-        raise UsageError(
-            f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
-        )
+    from qinit_cli.pipeline.lifelong import check_updates
+
+    check_updates(method)
     if machine.shard is not None or machine.dask is not None:
         raise UsageError(
             "tasks that add to each other are learned one after another, here; leave out --shard and --dask"

@@ -10,13 +10,14 @@ from typing import Any
 from qinit_cli.artefacts.opening import family_in, open_artefact
 from qinit_cli.environments import Family
 from qinit_cli.fitted import Fit
+from qinit_store.held import Held
 
 
 @dataclass(frozen=True)
 class Knowledge:
     """A fit as it was read: what a method may use, and where it came from."""
 
-    path: Path
+    source: Path | Held
     fit: Fit
     family: Family  # of the sources
     learning: dict[str, Any]  # of the sources
@@ -24,15 +25,20 @@ class Knowledge:
     spec: dict[str, Any]  # of the fit
 
     @classmethod
-    def read(cls, path: Path) -> Knowledge:
-        """The fit at `path`, verified."""
-        with open_artefact(path, "fit") as artefact:
+    def read(cls, source: Path | Held) -> Knowledge:
+        """The fit in a file or in memory, verified."""
+        with open_artefact(source, "fit") as artefact:
             sources = artefact.spec["sources"]
             family = family_in(artefact)
             names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
             fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
-            return cls(path, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
+            return cls(source, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
+
+    @property
+    def path(self) -> Path:
+        """The file; in memory the name that it would have."""
+        return self.source if isinstance(self.source, Path) else self.source.path
 
     @property
     def given(self) -> dict[str, str]:

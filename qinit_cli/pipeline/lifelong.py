@@ -14,7 +14,7 @@ import numpy as np
 
 from qinit_cli.analysis.moments import Moments, merged, moments
 from qinit_cli.elementary import ln
-from qinit_cli.errors import NotAllowed
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import Fit
 from qinit_cli.methods import Initial, Method
 from qinit_cli.pipeline.asked import Living
@@ -156,6 +156,14 @@ def _moments(n: Integers, mean: Floats, std: Floats, smallest: Floats, largest: 
         smallest=np.where(known, smallest, np.inf),
         largest=np.where(known, largest, -np.inf),
     )
+
+
+def check_updates(method: Method) -> None:
+    """UsageError where what tasks leave behind cannot change what this method starts from."""
+    if method.privileged or not method.reads_moments:
+        raise UsageError(
+            f"{method.label} does not start from mu, sigma or means alone, which are all that --update changes; leave it out"
+        )
 
 
 def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:

@@ -21,6 +21,7 @@ from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
 from qinit_cli.pipeline.transfer import STAND_INS, TargetTasks, learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import FOLDS, Grid, folds, with_parameters
+from qinit_store.held import Held
 from qinit_store.schema import tuning_schema
 from qinit_store.wording import counted
 
@@ -51,6 +52,12 @@ def tried(method: Method, values: Grid) -> list[Method]:
     return several
 
 
+def plan_for(source: Artefact, method: Method, values: Grid, rehearsing: Rehearsing) -> Plan:
+    """The artefact of how a method's parameters fare on the sources."""
+    several = tried(method.on(family_in(source)), values)
+    return plan_of(source, method, rehearsal_of(source, several, rehearsing), values)
+
+
 def plan_of(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
     family, tried = rehearsal.targets.family, rehearsal.candidates
@@ -64,7 +71,7 @@ def plan_of(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid
         learn=rehearsal,
         kernel=f"{family.name} targets",
         what=counted(len(tried), "candidate"),
-        read=source.path,
+        read=source if isinstance(source, Held) else source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
         learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
         statics=parameters_of(tried, tuple(values)),

@@ -149,7 +149,7 @@ def plan_of(
         learn=partial(learn_targets, targets, initial),
         kernel=_kernel(targets, initial),
         what=method.label,
-        read=known.path,
+        read=known.source,
         inputs=inputs,
         learning_bytes=learning_bytes(targets.learning.episodes),
         statics=statics(initial, targets.family),

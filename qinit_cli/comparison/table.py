@@ -1,0 +1,54 @@
+"""A comparison as plain values: what programs and data frames read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from qinit_cli.comparison.estimates import Estimate
+    from qinit_cli.comparison.rows import Comparison, Row
+
+
+def plain_rows(comparisons: Iterable[Comparison], metric: str) -> list[dict[str, Any]]:
+    """A row for each method on each set of targets: numbers with their bounds, None where there is none."""
+    return [
+        _values(row, metric) | {"targets": comparison.title}
+        for comparison in comparisons
+        for row in comparison.rows
+    ]
+
+
+def _values(row: Row, metric: str) -> dict[str, Any]:
+    threshold = row.threshold
+    return {
+        "method": row.label,
+        "sets": row.sets,
+        "p": row.p,
+        "success": row.success,
+        "restricted_steps": row.steps,
+        "censored": None if threshold is None else threshold.censored,
+        "negative_transfer": row.negative_transfer,
+        "remark": row.remark,
+        **_bounds(metric, row.average),
+        **_bounds("difference", row.difference),
+        **_bounds("transfer_ratio", row.ratio),
+        **_bounds("jumpstart", row.jumpstart),
+        **_bounds("asymptotic", row.asymptotic),
+        **_bounds("regret", row.regret),
+        **_bounds("iqm", row.iqm),
+        **_bounds("probability_of_improvement", row.improvement),
+        **_bounds("time_to_threshold", None if threshold is None else threshold.median),
+        **_bounds(
+            "restricted_mean_time_to_threshold", None if threshold is None else threshold.restricted_mean
+        ),
+    }
+
+
+def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
+    numbers = (math.nan,) * 3 if estimate is None else (estimate.mean, estimate.low, estimate.high)
+    names = (key, f"{key}_low", f"{key}_high")
+    return {
+        name: number if math.isfinite(number) else None for name, number in zip(names, numbers, strict=True)
+    }

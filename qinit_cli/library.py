@@ -1,0 +1,584 @@
+"""The library: each stage as a function, artefacts as objects, for scripts and notebooks.
+
+    import qinit_cli as qinit
+
+    sources = qinit.train_sources(qinit.families.gridworld(variance=7), tasks=100)
+    fit = qinit.fit(sources)
+    table = fit.start("logqinit-median")
+    runs = [qinit.transfer(name, fit, tasks=200) for name in ("zero", "logqinit-median")]
+    qinit.compare(runs).rows
+
+Nothing is printed: what a stage reports goes to a Reporter, which is silent by default. Without a `store` an artefact is held in
+memory, with one it is a file there, the very one that the command makes: the same settings give the same content hash. Every
+function raises the exceptions that the command turns into exit codes (qinit_cli.errors, qinit_store.errors).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+
+from qinit_cli.artefacts.opening import open_artefact
+from qinit_cli.comparison import rows as comparing
+from qinit_cli.comparison import runs as compared
+from qinit_cli.comparison.scores import Metric
+from qinit_cli.comparison.table import plain_rows
+from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.gym import Gym
+from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
+from qinit_cli.fields import options, tunable
+from qinit_cli.fitted import FitOptions
+from qinit_cli.methods import METHODS, Method
+from qinit_cli.pipeline import fitting, rehearsal, tuning
+from qinit_cli.pipeline import lifelong as lifetimes
+from qinit_cli.pipeline import sources as source_tasks
+from qinit_cli.pipeline import transfer as target_tasks
+from qinit_cli.pipeline.asked import LearningSources, LearningTargets, Living, Rehearsing
+from qinit_cli.pipeline.job import Made, Plan, make
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.knowledge import Knowledge
+from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.optimal_tables import OptimalTables
+from qinit_cli.pipeline.reporter import SILENT, Reporter
+from qinit_cli.pipeline.starts import start_table
+from qinit_cli.pipeline.words import option_words
+from qinit_cli.registry import Registry
+from qinit_store.catalog import Store
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from qinit_cli.arrays import Floats
+    from qinit_store.held import Held
+    from qinit_store.reading import Artefact
+
+Where = str | os.PathLike[str] | None
+Options = TypeVar("Options")
+
+
+class Kinds(Mapping[str, type[Any]]):
+    """Families or methods by name, also as attributes with `_` for `-`: `families.gridworld(variance=7)`."""
+
+    def __init__(self, registry: Registry[Any]) -> None:
+        self._registry = registry
+
+    def __getitem__(self, name: str) -> type[Any]:
+        return self._registry[name]
+
+    def __getattr__(self, name: str) -> type[Any]:
+        try:
+            return self._registry[name.replace("_", "-")]
+        except KeyError:
+            raise AttributeError(
+                f"there is no {self._registry.noun} {name!r}; there are {', '.join(self)}"
+            ) from None
+
+    def __dir__(self) -> list[str]:
+        return [name.replace("-", "_") for name in self]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._registry)
+
+    def __len__(self) -> int:
+        return len(self._registry)
+
+
+families = Kinds(FAMILIES)
+methods = Kinds(METHODS)
+
+
+@dataclass(frozen=True, repr=False)
+class Saved:
+    """An artefact: a file, or held in memory. `artefact[name]` is one of its arrays."""
+
+    source: Path | Held
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.path or f'{self.name}, in memory'}>"
+
+    @property
+    def path(self) -> Path | None:
+        """The file; None in memory."""
+        return self.source if isinstance(self.source, Path) else None
+
+    @property
+    def name(self) -> str:
+        """The name that tables and pictures show."""
+        return (self.source if isinstance(self.source, Path) else self.source.path).stem
+
+    @property
+    def digest(self) -> str:
+        """The content hash, SHA-256 in hexadecimal digits: equal settings give equal hashes."""
+        with self._opened() as artefact:
+            return artefact.content_sha256
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All that its numbers depend on, as plain values."""
+        with self._opened() as artefact:
+            return dict(artefact.spec)
+
+    @property
+    def arrays(self) -> tuple[str, ...]:
+        """The names of its arrays, axes included."""
+        with self._opened() as artefact:
+            return (*artefact.axes, *(column.name for column in artefact.schema.columns))
+
+    def __getitem__(self, name: str) -> Any:
+        """The array of that name, verified; its axes are those of docs/store.md. KeyError where there is none."""
+        if name not in self.arrays:
+            raise KeyError(f"{self.name} has no array {name!r}; it has {', '.join(self.arrays)}")
+        with self._opened() as artefact:
+            axes = artefact.axes
+            return axes[name].values.copy() if name in axes else artefact.read(name)
+
+    def to_xarray(self) -> xr.Dataset:
+        """All arrays as a dataset with named axes, units and long names; UsageError where xarray is not installed."""
+        try:
+            import xarray as xr
+        except ImportError as missing:
+            raise UsageError(
+                "to_xarray needs xarray, which is not installed: pip install xarray"
+            ) from missing
+        with self._opened() as artefact:
+            axes = {
+                name: (name, _texts(axis.values), _attributes(axis.unit, axis.long_name))
+                for name, axis in artefact.axes.items()
+            }
+            columns = {
+                column.name: (
+                    column.dims,
+                    artefact.read(column.name),
+                    _attributes(column.unit, column.long_name),
+                )
+                for column in artefact.schema.columns
+            }
+            said = {"kind": artefact.kind, "content_sha256": artefact.content_sha256}
+        return xr.Dataset(columns, axes, said)
+
+    def _opened(self) -> Artefact:
+        return open_artefact(self.source)
+
+
+class Sources(Saved):
+    """Learned source tasks: `q` (N, *states, A), `eopl`, `visits` and their parameters."""
+
+
+class Fit(Saved):
+    """A fit of sources: `mu`, `sigma`, `mean` and the like, (*states, A)."""
+
+    def start(self, method: str | Method, **options: Any) -> Floats:
+        """The start table of a method as a target would get it, (*states, A): filled where unknown, clipped to [0, 1].
+
+        `options` are the method's, where it is given by name. NotAllowed for a method that reads the target itself.
+
+        >>> import qinit_cli as qinit
+        >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
+        >>> qinit.fit(sources).start("mean").shape
+        (4, 4, 4)
+        """
+        return start_table(Knowledge.read(self.source), _method(method, options)).start
+
+
+class Run(Saved):
+    """Target tasks learned from what a method starts them with: `steps` and `reached` (T, E)."""
+
+    def returns(self) -> Floats:
+        """The discounted return of every episode, (T, E)."""
+        from qinit_cli.analysis.returns import discounted_returns
+
+        with self._opened() as artefact:
+            run = compared.Run.from_artefact(artefact)
+        return discounted_returns(run.steps, run.reached, run.gamma)
+
+
+class Tuning(Saved):
+    """How candidates of a method's parameters fare on the sources: `average` (N, C)."""
+
+    @property
+    def choice(self) -> dict[str, float]:
+        """The parameters that fare best."""
+        with self._opened() as artefact:
+            return dict(tuning.Choice.of(artefact).chosen.parameters)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Methods on the same targets, set against a baseline, with 95 % intervals."""
+
+    rows: list[dict[str, Any]]  # as `qinit compare --format json` prints them
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows as a table; UsageError where pandas is not installed."""
+        try:
+            import pandas as pd
+        except ImportError as missing:
+            raise UsageError(
+                "to_pandas needs pandas, which is not installed: pip install pandas"
+            ) from missing
+        return pd.DataFrame(self.rows)
+
+
+SAVED: dict[str, type[Saved]] = {"sources": Sources, "fit": Fit, "run": Run, "tuning": Tuning}
+
+
+def open(reference: str | os.PathLike[str], *, store: Where = "qinit-store") -> Saved:
+    """The artefact at a path, or of that name in the store, verified: Sources, Fit, Run or Tuning.
+
+    NotFound where there is none; Damaged where it is not as it was written.
+    """
+    source = _source(os.fspath(reference), store)
+    with open_artefact(source) as artefact:
+        return SAVED[artefact.kind](source)
+
+
+def train_sources(
+    family: Family,
+    *,
+    tasks: int | None = None,
+    seed: int = 0,
+    learner: Literal["q-learning", "exact"] = "q-learning",
+    episodes: int | None = None,
+    horizon: int | None = None,
+    alpha: float | None = None,
+    gamma: float | None = None,
+    epsilon: float | None = None,
+    start: Literal["anywhere", "fixed"] | None = None,
+    store: Where = None,
+    output: Where = None,
+    jobs: int | None = None,
+    reporter: Reporter = SILENT,
+) -> Sources:
+    """Source tasks of a family, learned by Q-learning or exact; None: as the family has it (`qinit train-sources`).
+
+    Tasks are drawn by `seed`, each with streams of its own, so that more tasks leave the first ones as they are. `store` is a
+    folder, `output` a file of its own; without both the sources are held in memory. UsageError for settings that cannot be.
+
+    >>> import qinit_cli as qinit
+    >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
+    >>> sources["q"].shape
+    (3, 4, 4, 4)
+    """
+    asked = _asked(
+        LearningSources,
+        tasks=tasks,
+        seed=seed,
+        learner=learner,
+        episodes=episodes,
+        horizon=horizon,
+        alpha=alpha,
+        gamma=gamma,
+        epsilon=epsilon,
+        start=start,
+    )
+    words = ("train-sources", family.name, *option_words(family), *option_words(asked))
+    if isinstance(family, Gym):
+        family = family.imported()
+    wanted = source_tasks.tasks_of(family, asked)
+    plan = source_tasks.plan_of(wanted, asked.tasks or family.source_tasks)
+    return Sources(_made(plan, _keeping(store, output, words), jobs, reporter).source)
+
+
+def fit(
+    sources: Sources | str | os.PathLike[str],
+    *,
+    estimator: Literal["mle", "umvue", "zellner", "shen"] = "mle",
+    library: int = 100,
+    exclude_unlearned: bool = False,
+    normality: Literal["shapiro", "anderson", "lilliefors", "none"] = "shapiro",
+    eopl_normality: Literal["rounded", "dither", "none"] = "none",
+    alternatives: bool = False,
+    holdout: int = 0,
+    check_theory: bool = False,
+    store: Where = None,
+    output: Where = None,
+    reporter: Reporter = SILENT,
+) -> Fit:
+    """The fit of sources per state-action: moments, log-normal parameters and a library of tables (`qinit fit`).
+
+    The settings are FitOptions'. NotAllowed for fewer than two sources.
+
+    >>> import qinit_cli as qinit
+    >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
+    >>> qinit.fit(sources)["mu"].shape
+    (4, 4, 4)
+    """
+    asked = _asked(
+        FitOptions,
+        estimator=estimator,
+        library=library,
+        exclude_unlearned=exclude_unlearned,
+        normality=normality,
+        eopl_normality=eopl_normality,
+        alternatives=alternatives,
+        holdout=holdout,
+        check_theory=check_theory,
+    )
+    source = _source(sources, store)
+    words = ("fit", _told(source), *option_words(asked))
+    made, _, _ = fitting.make_fit(source, asked, _keeping(store, output, words), reporter)
+    return Fit(made.source)
+
+
+def transfer(
+    method: str | Method,
+    fit: Fit | str | os.PathLike[str],
+    *,
+    tasks: int | None = None,
+    seed: int = 0,
+    episodes: int | None = None,
+    horizon: int | None = None,
+    alpha: float | None = None,
+    gamma: float | None = None,
+    epsilon: float | None = None,
+    start: Literal["anywhere", "fixed"] | None = None,
+    shift: Mapping[str, Any] | None = None,
+    evaluate_every: int = 0,
+    keep_q: bool = False,
+    tuned: Tuning | None = None,
+    store: Where = None,
+    output: Where = None,
+    jobs: int | None = None,
+    reporter: Reporter = SILENT,
+) -> Run:
+    """Target tasks of the fit's family, learned from what a method starts them with (`qinit transfer`).
+
+    Targets and their chance depend on `seed` alone, so that every method meets the same. `shift` changes fields of the family.
+
+    >>> import qinit_cli as qinit
+    >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
+    >>> qinit.transfer("zero", qinit.fit(sources), tasks=2, episodes=5)["steps"].shape
+    (2, 5)
+    """
+    asked = _targets(
+        tasks, seed, episodes, horizon, alpha, gamma, epsilon, start, shift, evaluate_every, keep_q
+    )
+    source, chosen = _source(fit, store), _method(method, {})
+    known = Knowledge.read(source)
+    given: list[dict[str, str]] = []
+    if tuned is not None:
+        chosen, given = tuning.chosen(tuned.source, chosen, known.family)
+    words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
+    keeping = _keeping(store, output, words)
+    targets, count = target_tasks.targets_of(asked, known.spec)
+    tables = OptimalTables(targets, count, known.learning, keeping, Machine(jobs=jobs), reporter)
+    initial = chosen.initial(known.fit, targets.targets(count, tables.needed_by(chosen)))
+    plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables.inputs])
+    return Run(_made(plan, keeping, jobs, reporter).source)
+
+
+def lifelong(
+    method: str | Method,
+    fit: Fit | str | os.PathLike[str],
+    *,
+    update: bool = False,
+    min_visits: int | None = None,
+    tasks: int | None = None,
+    seed: int = 0,
+    episodes: int | None = None,
+    horizon: int | None = None,
+    alpha: float | None = None,
+    gamma: float | None = None,
+    epsilon: float | None = None,
+    start: Literal["anywhere", "fixed"] | None = None,
+    shift: Mapping[str, Any] | None = None,
+    evaluate_every: int = 0,
+    keep_q: bool = False,
+    store: Where = None,
+    output: Where = None,
+    jobs: int | None = None,
+    reporter: Reporter = SILENT,
+) -> Run:
+    """Target tasks one after another; with `update` each adds what it learned to what later ones start from.
+
+    Without `update` no task depends on another, and the run is that of `transfer` (`qinit lifelong`).
+    """
+    asked = _targets(
+        tasks, seed, episodes, horizon, alpha, gamma, epsilon, start, shift, evaluate_every, keep_q
+    )
+    living = _asked(Living, update=update, min_visits=min_visits)
+    source, chosen = _source(fit, store), _method(method, {})
+    if not living.update:
+        return transfer(
+            chosen,
+            Fit(source),
+            tasks=tasks,
+            seed=seed,
+            episodes=episodes,
+            horizon=horizon,
+            alpha=alpha,
+            gamma=gamma,
+            epsilon=epsilon,
+            start=start,
+            shift=shift,
+            evaluate_every=evaluate_every,
+            keep_q=keep_q,
+            store=store,
+            output=output,
+            jobs=jobs,
+            reporter=reporter,
+        )
+    lifetimes.check_updates(chosen)
+    known = Knowledge.read(source)
+    words = (
+        *("lifelong", chosen.name, _told(source)),
+        *option_words(chosen),
+        *option_words(living),
+        *option_words(asked),
+    )
+    targets, count = target_tasks.targets_of(replace(asked, keep_q=True), known.spec)
+    plan = lifetimes.lifetime_plan(chosen, living, replace(targets, keep_visits=True), count, known)
+    return Run(_made(plan, _keeping(store, output, words), 1, reporter, fail_fast=True).source)
+
+
+def tune(
+    method: str | Method,
+    sources: Sources | str | os.PathLike[str],
+    *,
+    grid: Mapping[str, Sequence[float]] | None = None,
+    episodes: int | None = None,
+    store: Where = None,
+    output: Where = None,
+    jobs: int | None = None,
+    reporter: Reporter = SILENT,
+) -> Tuning:
+    """How a method's parameters fare on the sources, each in the place of a target (`qinit tune`).
+
+    `grid` maps parameters to the values to try, all combinations of them; by default those that the method declares.
+    """
+    source, chosen = _source(sources, store), _method(method, {})
+    values = {
+        name: tuple(float(value) for value in several)
+        for name, several in (tunable(type(chosen)) if grid is None else grid).items()
+    }
+    values = {one.name: values[one.name] for one in options(type(chosen)) if one.name in values}
+    if not values:
+        raise UsageError(f"{chosen.name} has no parameters to choose; give a grid")
+    asked = _asked(Rehearsing, episodes=episodes, jobs=jobs)
+    with open_artefact(source, "sources") as artefact:
+        plan = rehearsal.plan_for(artefact, chosen, values, asked)
+        words = ["tune", chosen.name, _told(source)]
+        for name, several in values.items():
+            words += [f"--{name.replace('_', '-')}", ",".join(f"{value:g}" for value in several)]
+        made = _made(plan, _keeping(store, output, words), jobs, reporter)
+    return Tuning(made.source)
+
+
+def compare(
+    runs: Iterable[Run | str | os.PathLike[str]],
+    *,
+    metric: Metric = "return",
+    baseline: str = "zero",
+    greedy: bool = False,
+    store: Where = "qinit-store",
+) -> Comparison:
+    """Runs that met the same targets, set against a baseline's with 95 % intervals (`qinit compare`).
+
+    `baseline` is a method or a run's name; `greedy` compares greedy evaluations in the place of learning episodes. NotAllowed for
+    runs that cannot stand beside each other.
+    """
+    found: dict[str, compared.Run] = {}
+    for run in runs:
+        with open_artefact(_source(run, store), "run") as artefact:
+            found.setdefault(artefact.content_sha256, compared.Run.from_artefact(artefact))
+    shown = [run.greedy() if greedy else run for run in found.values()]
+    if not shown:
+        raise NotAllowed("compare was given no runs; give at least one")
+    return Comparison(plain_rows(comparing.compare(shown, baseline, metric), metric))
+
+
+def start(method: str | Method, fit: Fit | str | os.PathLike[str], **options: Any) -> Floats:
+    """The start table of a method as a target would get it, (*states, A); see Fit.start (`qinit start`)."""
+    return Fit(_source(fit, "qinit-store")).start(method, **options)
+
+
+def _targets(
+    tasks: int | None,
+    seed: int,
+    episodes: int | None,
+    horizon: int | None,
+    alpha: float | None,
+    gamma: float | None,
+    epsilon: float | None,
+    start: Literal["anywhere", "fixed"] | None,
+    shift: Mapping[str, Any] | None,
+    evaluate_every: int,
+    keep_q: bool,
+) -> LearningTargets:
+    return _asked(
+        LearningTargets,
+        tasks=tasks,
+        seed=seed,
+        episodes=episodes,
+        horizon=horizon,
+        alpha=alpha,
+        gamma=gamma,
+        epsilon=epsilon,
+        start=start,
+        shift=[f"{name}={value}" for name, value in shift.items()] if shift else None,
+        evaluate_every=evaluate_every,
+        keep_q=keep_q,
+    )
+
+
+def _asked(kind: type[Options], **given: Any) -> Options:
+    """The settings; UsageError where they cannot be."""
+    try:
+        return kind(**given)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _method(method: str | Method, given: Mapping[str, Any]) -> Method:
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise UsageError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
+        return _asked(METHODS[method], **given)
+    if given:
+        raise UsageError("options are given with a method's name; a method has its own already")
+    return method
+
+
+def _source(saved: Saved | str | os.PathLike[str], store: Where) -> Path | Held:
+    """What an artefact is opened by: a file, or itself in memory."""
+    if isinstance(saved, Saved):
+        return saved.source
+    return Store(Path(store or "qinit-store")).resolve(os.fspath(saved))
+
+
+def _told(source: Path | Held) -> str:
+    return str(source if isinstance(source, Path) else source.path)
+
+
+def _keeping(store: Where, output: Where, words: Sequence[str]) -> Keeping:
+    folder = None if store is None else Path(store)
+    file = None if output is None else Path(output)
+    more = [] if store is None else ["--store", str(folder)]
+    return Keeping(folder, file, command=(*words, *more, *(["-o", str(file)] if file else [])))
+
+
+def _made(
+    plan: Plan, keeping: Keeping, jobs: int | None, reporter: Reporter, *, fail_fast: bool = False
+) -> Made:
+    """What was made; TasksFailed where a task failed, UsageError for jobs that cannot be."""
+    made = make(plan, keeping, _asked(Machine, jobs=jobs, fail_fast=fail_fast), reporter)
+    if made.tally.failed:
+        raise TasksFailed(
+            f"{made.tally.failed} of {made.tally.tasks} tasks failed; the reporter was given why"
+        )
+    return made
+
+
+def _texts(values: Any) -> Any:
+    """Labels as text, numbers as they are."""
+    return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
+
+
+def _attributes(unit: str, long_name: str) -> dict[str, str]:
+    return {name: text for name, text in (("units", unit), ("long_name", long_name)) if text}

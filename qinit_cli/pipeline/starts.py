@@ -1,0 +1,95 @@
+"""The start table of a method as a target would get it, and the files that hold one."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from qinit_cli.learning import Learning
+from qinit_cli.methods import Method
+from qinit_cli.pipeline.knowledge import Knowledge
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+
+
+@dataclass(frozen=True)
+class StartTable:
+    """First values of a target: filled where no source knows them, clipped to [0, 1]."""
+
+    start: Floats  # (*states, A)
+    axes: Mapping[str, Any]  # the labels of each axis, texts or numbers, in order
+    about: Mapping[str, str]  # method and fit, as a file tells them
+    filled: int
+    clipped: int
+
+
+def start_table(known: Knowledge, method: Method) -> StartTable:
+    """The table of a method for the family of the fit; NotAllowed for a method that reads the target itself."""
+    family = known.family
+    learning = Learning(**known.learning) if "episodes" in known.learning else family.target_learning
+    initial = method.initial_of_all(known.fit, family, learning)
+    axes = {axis.name: _labels(axis.values) for axis in family.axes()}
+    return StartTable(
+        start=initial.start.reshape(*family.shape, -1),
+        axes=axes | {"action": np.array(family.actions)},
+        about={"method": method.label, "fit": known.content_sha256, "family": family.label},
+        filled=initial.filled,
+        clipped=initial.clipped,
+    )
+
+
+def encoded(table: StartTable, ending: str) -> bytes:
+    """The bytes of a file with this ending; the same table gives the same bytes.
+
+    .npy: `start` alone. .npz: `start`, its axes by name, method, fit (content hash) and family. .csv: a row for each entry, the
+    labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    """
+    if ending == ".csv":
+        return _csv(table)
+    buffer = io.BytesIO()
+    if ending == ".npy":
+        np.save(buffer, table.start)
+    elif ending == ".npz":
+        arrays = {
+            "start": table.start,
+            **table.axes,
+            **{name: np.array(text) for name, text in table.about.items()},
+        }
+        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    else:
+        _write_h5(buffer, table)
+    return buffer.getvalue()
+
+
+def _csv(table: StartTable) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*table.axes, "start"])
+    labels = itertools.product(*(values.tolist() for values in table.axes.values()))
+    writer.writerows(
+        (*label, value) for label, value in zip(labels, table.start.ravel().tolist(), strict=True)
+    )
+    return text.getvalue().encode()
+
+
+def _write_h5(buffer: io.BytesIO, table: StartTable) -> None:
+    with h5py.File(buffer, "w") as file:
+        start = file.create_dataset("start", data=table.start, track_times=False)
+        for place, (name, values) in enumerate(table.axes.items()):
+            labels = np.char.encode(values, "utf-8") if values.dtype.kind == "U" else values
+            scale = file.create_dataset(name, data=labels, track_times=False)
+            scale.make_scale(name)
+            start.dims[place].attach_scale(scale)
+        file.attrs.update(table.about)
+
+
+def _labels(values: Any) -> Any:
+    return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values

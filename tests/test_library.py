@@ -1,0 +1,253 @@
+"""The library beside the command: the same settings give the same content hash, in memory and in a store."""
+
+from __future__ import annotations
+
+import csv
+import doctest
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from running import Ended
+
+import qinit_cli as qinit
+from qinit_cli import library
+from qinit_cli.environments import FAMILIES
+from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
+from qinit_cli.fields import tunable
+from qinit_cli.methods import METHODS
+from qinit_store.errors import NotFound
+
+FAMILY = {
+    "gridworld": {"size": 5, "variance": 2},
+    "mountain-car": {"noise": 0.005},
+    "windy-gridworld": {"size": 5},
+    "mixture-gridworld": {"size": 5},
+    "gym": {"env_id": "FrozenLake-v1"},
+}
+WORDS = {
+    "gridworld": ("--size", 5, "--variance", 2),
+    "mountain-car": ("--noise", 0.005),
+    "windy-gridworld": ("--size", 5),
+    "mixture-gridworld": ("--size", 5),
+    "gym": ("FrozenLake-v1",),
+}
+
+
+def digest(ended: Ended) -> str:
+    assert ended.code == 0, ended.err
+    return str(json.loads(ended.out)["digest"])
+
+
+@pytest.fixture(scope="module")
+def sources() -> library.Sources:
+    family = qinit.families.gridworld(size=5, variance=2)
+    return qinit.train_sources(family, tasks=12, learner="exact")
+
+
+@pytest.fixture(scope="module")
+def fit(sources: library.Sources) -> library.Fit:
+    return qinit.fit(sources)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_sources_of_each_family_are_those_of_the_command(here: Callable[..., Ended], name: str) -> None:
+    family = FAMILIES[name](**FAMILY[name])
+    made = qinit.train_sources(family, tasks=3, episodes=5, seed=2)
+    command = ("train-sources", name, *WORDS[name], "--tasks", 3, "--episodes", 5, "--seed", 2, "--json")
+    assert made.digest == digest(here(*command))
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_run_of_each_method_is_that_of_the_command(
+    here: Callable[..., Ended], sources: library.Sources, fit: library.Fit, name: str
+) -> None:
+    words = ("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 12, "--learner", "exact")
+    assert digest(here(*words, "-o", "s.h5", "--json")) == sources.digest
+    assert digest(here("fit", "s.h5", "-o", "f.h5", "--json")) == fit.digest
+    run = qinit.transfer(name, fit, tasks=3, episodes=6)
+    command = ("transfer", name, "f.h5", "--tasks", 3, "--episodes", 6, "--json")
+    assert run.digest == digest(here(*command))
+    if METHODS[name].privileged:
+        return
+    ended = here("start", name, "f.h5", "-o", f"{name}.npy")
+    assert ended.code == 0, ended.err
+    np.testing.assert_array_equal(np.load(f"{name}.npy"), fit.start(name))
+    np.testing.assert_array_equal(run["start"], fit.start(name))
+
+
+def test_a_lifetime_and_a_tuning_are_those_of_the_command(
+    here: Callable[..., Ended], fit: library.Fit, sources: library.Sources
+) -> None:
+    words = ("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 12, "--learner", "exact")
+    here(*words, "-o", "s.h5")
+    here("fit", "s.h5", "-o", "f.h5")
+    lived = qinit.lifelong("logqinit-median", fit, update=True, tasks=3, episodes=6)
+    command = ("lifelong", "logqinit-median", "f.h5", "--update", "--tasks", 3, "--episodes", 6, "--json")
+    assert lived.digest == digest(here(*command))
+    name = next(name for name, method in METHODS.items() if tunable(method))
+    tuned = qinit.tune(name, sources, episodes=4)
+    assert tuned.digest == digest(here("tune", name, "s.h5", "--episodes", 4, "--json"))
+    assert set(tuned.choice) == set(tunable(METHODS[name]))
+
+
+def test_a_store_holds_the_artefact_that_memory_holds_and_the_command_goes_on_with(
+    here: Callable[..., Ended], sources: library.Sources, tmp_path: Path
+) -> None:
+    family = qinit.families.gridworld(size=5, variance=2)
+    kept = qinit.train_sources(family, tasks=12, learner="exact", store="kept")
+    assert kept.path is not None
+    assert kept.digest == sources.digest
+    words = ("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 12, "--learner", "exact")
+    ended = here(*words, "--store", "kept")
+    assert ended.out == f"{kept.path}\n"
+    assert "already complete" in ended.err
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "kept"]
+    named = qinit.open(kept.name, store="kept")
+    assert (type(named), named.digest) == (library.Sources, kept.digest)
+
+
+def test_a_file_says_the_command_that_makes_it_again(here: Callable[..., Ended]) -> None:
+    family = qinit.families.gridworld(size=5, variance=2)
+    made = qinit.train_sources(family, tasks=2, learner="exact", output="a.h5")
+    with h5py.File("a.h5") as file:
+        command = json.loads(bytes(file.attrs["provenance_json"]))["command"].split()
+    assert command[:3] == ["qinit", "train-sources", "gridworld"]
+    assert digest(here(*command[1:-1], "b.h5", "--json")) == made.digest
+
+
+def test_memory_writes_no_file(fit: library.Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert qinit.transfer("mean", fit, tasks=2, episodes=3).path is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_arrays_have_names_and_a_dataset_has_their_axes(fit: library.Fit, sources: library.Sources) -> None:
+    # the first moments by numpy alone: a pair is known where a source has a positive value
+    q = np.where(sources["q"] > 0, sources["q"], np.nan)
+    known = ~np.isnan(q).all(axis=0)
+    dataset = fit.to_xarray()
+    assert dataset["mu"].dims == ("row", "col", "action")
+    np.testing.assert_allclose(
+        dataset["mu"].values[known], np.nanmean(np.log(q[:, known]), axis=0), rtol=1e-12
+    )
+    assert dataset["action"].values.tolist() == ["up", "down", "left", "right"]
+    with pytest.raises(KeyError, match="mu"):
+        fit["nothing"]
+
+
+def test_a_start_table_in_every_format_is_the_same(here: Callable[..., Ended], fit: library.Fit) -> None:
+    here("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 12, "--learner", "exact", "-o", "s.h5")
+    here("fit", "s.h5", "-o", "f.h5")
+    wanted = fit.start("logqinit-mean")
+    for ending in ("npz", "npy", "csv", "h5"):
+        ended = here("start", "logqinit-mean", "f.h5", "-o", f"start.{ending}")
+        assert (ended.code, ended.out) == (0, f"start.{ending}\n"), ended.err
+        again = here("start", "logqinit-mean", "f.h5", "-o", f"start.{ending}")  # the same bytes take no --force
+        assert again.code == 0, again.err
+    with np.load("start.npz") as archive:
+        np.testing.assert_array_equal(archive["start"], wanted)
+        assert archive["action"].tolist() == ["up", "down", "left", "right"]
+        assert str(archive["fit"]) == fit.digest
+    with Path("start.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    row = next(one for one in rows if (one["row"], one["col"], one["action"]) == ("1", "2", "left"))
+    assert float(row["start"]) == wanted[1, 2, 2]
+    with h5py.File("start.h5") as file:
+        np.testing.assert_array_equal(file["start"][...], wanted)
+        assert file["start"].dims[2][0][...].tolist() == [b"up", b"down", b"left", b"right"]
+
+
+@pytest.mark.parametrize(("words", "code"), [(("-o", "start.txt"), 2), ((), 2), (("-o", "f.h5"), 2)])
+def test_a_start_table_goes_nowhere_else(
+    here: Callable[..., Ended], words: tuple[str, ...], code: int
+) -> None:
+    here("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 3, "--learner", "exact", "-o", "s.h5")
+    here("fit", "s.h5", "-o", "f.h5")
+    assert here("start", "mean", "f.h5", *words).code == code
+
+
+def test_a_comparison_has_the_rows_of_the_command(here: Callable[..., Ended], fit: library.Fit) -> None:
+    runs = [qinit.transfer(name, fit, tasks=4, episodes=8) for name in ("zero", "mean")]
+    rows = qinit.compare(runs).rows
+    for number, run in enumerate(runs):
+        store = f"store{number}"
+        method = run.settings["method"]["name"]
+        qinit.transfer(method, fit, tasks=4, episodes=8, store=store)
+    paths = [str(path) for path in sorted(Path().glob("store*/runs/*.h5"))]
+    told = here("compare", *paths, "--json")
+    assert json.loads(told.out)["rows"] == json.loads(json.dumps(rows))
+    frame = qinit.compare(runs).to_pandas()
+    assert frame["method"].tolist() == ["zero", "mean"]
+    averages = [float(run.returns().mean()) for run in runs]
+    np.testing.assert_allclose(frame["return"], averages, rtol=1e-12)
+
+
+def test_a_reporter_hears_and_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    class Heard(qinit.Reporter):
+        def __init__(self) -> None:
+            self.begun: list[tuple[str, int, int]] = []
+
+        def progress(self, what: str, done: int, total: int, watch: Any) -> Any:
+            self.begun.append((what, done, total))
+            return super().progress(what, done, total, watch)
+
+    heard = Heard()
+    family = qinit.families.gridworld(size=4, variance=1)
+    qinit.train_sources(family, tasks=2, learner="exact", reporter=heard)
+    assert heard.begun == [("sources", 0, 2)]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_errors_are_those_that_the_command_turns_into_exit_codes(
+    fit: library.Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    family = qinit.families.gridworld(size=4, variance=1)
+    with pytest.raises(UsageError, match="--tasks is 0"):
+        qinit.train_sources(family, tasks=0)
+    with pytest.raises(UsageError, match="no method"):
+        qinit.transfer("none", fit)
+    with pytest.raises(NotAllowed, match="target itself"):
+        fit.start("optimal")
+    with pytest.raises(NotFound):
+        qinit.open("nothing")
+    with pytest.raises(NotAllowed, match="at least 2"):
+        qinit.fit(qinit.train_sources(family, tasks=1, learner="exact"))
+    with pytest.raises(AttributeError, match="gridworld"):
+        _ = qinit.families.gridwold
+
+
+def test_a_failed_task_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> Any:
+        raise RuntimeError("no")
+
+    monkeypatch.setattr("qinit_cli.pipeline.sources.draw_tasks", fail)
+    with pytest.raises(TasksFailed):
+        qinit.train_sources(qinit.families.gridworld(size=4), tasks=2, learner="exact")
+
+
+def test_names_are_loaded_late_and_none_needs_typer() -> None:
+    script = (
+        "import sys, qinit_cli as q\n"
+        "assert 'numpy' not in sys.modules and 'qinit_cli.library' not in sys.modules\n"
+        "assert sorted(q.__all__) == [name for name in dir(q) if not name.startswith('__')]\n"
+        "assert all(getattr(q, name) is not None for name in q.__all__)\n"
+        "assert 'logqinit-median' in q.methods and q.methods.zero().name == 'zero'\n"
+        "for name in ('typer', 'click', 'rich', 'matplotlib', 'qinit_cli.app'):\n"
+        "    assert name not in sys.modules, name\n"
+        "assert not [name for name in sys.modules if name.startswith('qinit_cli.commands')]\n"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", script], check=True, timeout=60)
+
+
+def test_the_examples_of_the_docstrings_hold() -> None:
+    found = doctest.testmod(library)
+    assert found.attempted >= 6
+    assert not found.failed
