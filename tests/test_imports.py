@@ -20,6 +20,7 @@ LAYERS = (
     ("qinit_cli.app",),
     ("qinit_cli.commands",),
     ("qinit_cli.pictures",),
+    ("qinit_cli.library",),
     ("qinit_cli.pipeline", "qinit_cli.comparison", "qinit_cli.paper", "qinit_cli.artefacts"),
     ("qinit_cli.methods",),
     ("qinit_cli.environments",),
@@ -137,6 +138,14 @@ def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> N
     )
     found = {name for name in _everything(module) if _under(name, others)}
     assert found <= {"qinit_store.wording"}  # which makes text printable, and knows no file
+
+
+@pytest.mark.parametrize(
+    "module", [module for module in MODULES if not _under(module, ("qinit_cli.app", "qinit_cli.commands"))]
+)
+def test_commands_and_typer_are_imported_by_commands_alone(module: str) -> None:
+    wanted = {name for name in _everything(module) if _under(name, ("typer", "click", "qinit_cli.commands"))}
+    assert not wanted
 
 
 def test_matplotlib_is_imported_by_figures_alone() -> None:
