@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -9,11 +10,16 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from qinit_cli.commands.reproduce.expected import expected
+from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.methods import METHODS
+from qinit_cli.paper.experiments import Fit, Run, Sources
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = Path(__file__).parent / "example_plugin"
@@ -57,6 +63,8 @@ class Made:
     sources: str
     fit: str
     runs: str  # a path a line
+    hopeful: str  # a run from one of two source sets
+    other: str  # a run of cautious from the other
     said: str
     with_it: Callable[..., subprocess.CompletedProcess[str]]
     without: Callable[..., subprocess.CompletedProcess[str]]
@@ -80,11 +88,16 @@ def made(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
     fit = path("fit", sources, "--holdout", "2")
     runs = [path("transfer", name, fit, "--tasks", "4", "--episodes", "50") for name in ("zero", "cautious")]
     runs.append(path("transfer", "ptrs", fit, "--tasks", "4", "--episodes", "50", "--init", "cautious"))
+    hopeful = path("transfer", "hopeful", fit, "--tasks", "4", "--episodes", "50")
+    second = path("fit", path("train-sources", "corridor", *SMALL, "--seed", "1"), "--holdout", "2")
+    other = path("transfer", "cautious", second, "--tasks", "4", "--episodes", "50")
     return Made(
         folder,
         sources,
         fit,
         "\n".join(runs),
+        hopeful,
+        other,
         "".join(said),
         with_it,
         lambda *words, stdin="": run(["-m", "qinit_cli", *words], folder, stdin=stdin),
@@ -113,6 +126,39 @@ def test_the_whole_pipeline_runs_and_compares(made: Made) -> None:
     assert [row["method"] for row in rows] == ["zero", "cautious", "ptrs+cautious"]
     assert "relative error against exact tables" in made.said
     assert "warning" not in made.said
+
+
+def test_one_run_of_what_reads_no_sources_serves_every_source_set(made: Made) -> None:
+    runs = [made.runs.splitlines()[1], made.other, made.hopeful]
+    rows = told(made.with_it("compare", *runs, "--baseline", "hopeful", "--json"))["rows"]
+    assert {row["method"]: row["sets"] for row in rows} == {"cautious": 2, "hopeful": 1}
+    [cautious] = [row for row in rows if row["method"] == "cautious"]
+    assert cautious["difference"] is not None
+    # where the plug-in is not installed its file does not say so
+    unknown = told(made.without("compare", *runs, "--baseline", "hopeful", "--json"))["rows"]
+    assert [row["difference"] for row in unknown if row["method"] == "cautious"] == [None]
+
+
+def test_pictures_draw_it_as_it_says(made: Made) -> None:
+    names = [*made.runs.splitlines()[:2], made.hopeful]
+    ended = made.with_it("plot", "curves", *names, "-o", "curves.svg")
+    assert ended.returncode == 0, ended.stderr
+    assert "#123456" in (made.folder / "curves.svg").read_text().lower()
+
+
+def test_verdicts_pass_over_what_no_claim_is_about(made: Made) -> None:
+    ended = made.with_it("verdicts", *made.runs.splitlines(), made.hopeful, "--json")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.count("passed over") >= 1
+
+
+def test_what_a_run_would_take_is_estimated_as_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLE))
+    hopeful = importlib.import_module("qinit_corridor.hopeful").Hopeful()
+    run = Run(Fit(Sources(Gridworld(size=6, variance=2), 0, 4, 50)), hopeful, 3, 20)
+    usual = replace(run, method=METHODS["logqinit-median"]())
+    one, other = expected([run, usual], 1).values()
+    assert one == other
 
 
 def test_the_exact_learner_and_a_shift_work(made: Made) -> None:

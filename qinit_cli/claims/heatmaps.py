@@ -24,7 +24,7 @@ from qinit_cli.claims.evidence import Evidence, Maps
 from qinit_cli.claims.over_sets import Estimate
 from qinit_cli.claims.setting import GRIDWORLD, VARIANCES, Setting, variance
 
-MEDIAN, UCOI, MAXQINIT = "logqinit-median", "ucoi", "maxqinit"
+MAPPED = MEDIAN, UCOI, MAXQINIT = "logqinit-median", "ucoi", "maxqinit"
 FOLLOWS = 0.9  # rank correlation from which a map follows the goals
 HIGH = VARIANCES[-2:]  # variances at which UCOI's map is said to be wider
 

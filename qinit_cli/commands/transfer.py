@@ -163,7 +163,7 @@ def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display
 def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> None:
     if family.warning:
         note(display, f"warning: {family.warning}")
-    asked, there = getattr(method, "library", 0) or 0, len(fit.library_q)
+    asked, there = method.library_wanted, len(fit.library_q)
     if asked > there:
         note(display, f"{method.name} was to choose among {asked} sources; this fit keeps {there}")
 

@@ -30,6 +30,8 @@ class Row(Estimates):
     """One method against the baseline; its p adjusted by Holm over the rows, None where it could not come to LEVEL."""
 
     label: str
+    method: str  # its name
+    plus: bool  # whether it starts from another
     remark: str  # what a reader must know of the method
     sets: int  # source sets it was run from
     negative_transfer: (
@@ -198,6 +200,8 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
     return Row(
         **vars(found),
         label=entry.label,
+        method=entry.method,
+        plus=entry.plus,
         remark=remark(entry.method),
         sets=len(entry.runs),
         negative_transfer=_worse(found.difference, metric)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.errors import NotAllowed
+from qinit_cli.methods.stored import is_plus, reads_sources
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
@@ -38,6 +39,16 @@ class Run:
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
     unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
     drawn: tuple[NDArray[Any], ...] = ()  # (T,) each of the targets' ids and parameters
+
+    @property
+    def plus(self) -> bool:
+        """Whether the method starts from another."""
+        return is_plus(self.spec["method"])
+
+    @property
+    def reads_sources(self) -> bool:
+        """Whether other sources would make the method start otherwise."""
+        return reads_sources(self.spec["method"])
 
     @property
     def gamma(self) -> float:

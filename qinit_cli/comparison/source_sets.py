@@ -25,12 +25,6 @@ from qinit_cli.comparison.runs import Run
 from qinit_cli.errors import NotAllowed
 
 VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
-READ_NO_SOURCES = ("zero", "optimal", "drs")  # labels: drs+logqinit-median reads them
-
-
-def reads_no_sources(label: str) -> bool:
-    """Whether the method of this label starts the same whatever the sources are."""
-    return label.partition(" ")[0] in READ_NO_SOURCES
 
 
 @dataclass(frozen=True)
@@ -52,17 +46,22 @@ class Entry:
         """
         same = [own for own in self.runs if own.target_digest == run.target_digest]
         beside = next((own for own in same if own.source_set == run.source_set), None)
-        return same[0] if beside is None and same and self.reads_no_sources else beside
+        return same[0] if beside is None and same and not self.reads_sources else beside
 
     @property
-    def reads_no_sources(self) -> bool:
-        """Whether the method would be the same whatever the sources are."""
-        return reads_no_sources(self.runs[0].label)
+    def plus(self) -> bool:
+        """Whether the method starts from another."""
+        return self.runs[0].plus
+
+    @property
+    def reads_sources(self) -> bool:
+        """Whether other sources would make the method start otherwise."""
+        return self.runs[0].reads_sources
 
     @property
     def settings(self) -> Words:
         """What all of its runs share."""
-        found = [settings(run.spec, reads_sources=not self.reads_no_sources) for run in self.runs]
+        found = [settings(run.spec, reads_sources=self.reads_sources) for run in self.runs]
         return {key: word for key, word in found[0].items() if all(one.get(key) == word for one in found)}
 
 
@@ -195,7 +194,7 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
 
 
 def _options(run: Run) -> tuple[str, str, str, str]:
-    fitted = {} if reads_no_sources(run.label) else run.fitted
+    fitted = run.fitted if run.reads_sources else {}
     return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
 
 

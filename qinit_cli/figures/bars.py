@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from qinit_cli.figures import legend
-from qinit_cli.figures.looks import Look, looks
+from qinit_cli.figures.looks import Appearance, appearances
 from qinit_cli.figures.style import TEXT, folded, plain_numbers
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ class Bars:
 
     label: str
     height: Interval  # (G,)
+    method: str = ""  # its name
+    plus: bool = False  # whether it starts from another
 
 
 def bars(
@@ -43,7 +45,7 @@ def bars(
     from matplotlib.figure import Figure
 
     labels = list(dict.fromkeys(method.label for series in panels.values() for method in series))
-    own = dict(zip(labels, looks(labels), strict=True))
+    own = appearances(one for series in panels.values() for one in series)
     beneath = folded(xlabel, 0.85 * width)
     several = len(panels) > 1
     height = (len(panels) * HEIGHT + 0.4 if several else ALONE) + LINE * beneath.count("\n")
@@ -62,7 +64,7 @@ def bars(
 
 
 def _bars(
-    axes: Axes, series: Sequence[Bars], own: Mapping[str, Look], groups: Sequence[str], width: float
+    axes: Axes, series: Sequence[Bars], own: Mapping[str, Appearance], groups: Sequence[str], width: float
 ) -> None:
     import numpy as np
     from matplotlib.patheffects import withStroke

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import UsageError
 from qinit_cli.figures import legend
-from qinit_cli.figures.looks import Look, looks
+from qinit_cli.figures.looks import Appearance, appearances
 from qinit_cli.figures.style import COLUMN, TALLEST, folded, plain_numbers
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ class Curve:
     label: str
     episodes: Integers  # (P,), counted from 1
     band: Interval  # (P,)
+    method: str = ""  # its name
+    plus: bool = False  # whether it starts from another
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def curves(
     height = rows * each + around
     figure = Figure(figsize=(width, height))
     drawn = figure.subplots(rows, columns, squeeze=False, sharey="row" if across else False)
-    own = dict(zip(labels, looks(labels), strict=True))
+    own = appearances(line for panel in panels for line in panel.lines)
     for at, (axes, panel) in enumerate(zip(drawn.flat, panels, strict=False)):
         _lines(axes, panel, own)
         axes.set_title(title if alone else titles[at])
@@ -97,7 +99,7 @@ def _across(panels: int, width: float) -> int:
     return 2 if panels == 4 else min(panels, 3)
 
 
-def _lines(axes: Axes, panel: Panel, own: dict[str, Look]) -> None:
+def _lines(axes: Axes, panel: Panel, own: dict[str, Appearance]) -> None:
     shade = 0.18 if len(panel.lines) <= FEW else 0.1
     for at, line in enumerate(panel.lines):
         look = own[line.label]

@@ -6,33 +6,32 @@ other options of one method differ in the same way. Names that are not listed, o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
-# after Okabe and Ito (2008) and Tol (2021); the greys and black are for what is no transfer or no method of its own
-KNOWN = {  # colour, marker, hatching
-    "zero": ("#000000", "", ""),
-    "mean": ("#888888", "v", "////"),
-    "maxqinit": ("#D55E00", "^", "...."),
-    "ucoi": ("#E69F00", "s", "\\\\\\\\"),
-    "logqinit-median": ("#0072B2", "o", ""),
-    "logqinit-mean": ("#56B4E9", "D", "////"),
-    "logqinit-quantile": ("#332288", "P", "...."),
-    "optimal": ("#000000", "*", "----"),
-    "ptrs": ("#CC79A7", "<", ""),
-    "drs": ("#8C6D31", ">", "...."),
-    "ops-tl": ("#009E73", "d", "\\\\\\\\"),
-    "posterior": ("#882255", "X", "////"),
-}
+from qinit_cli.methods import METHODS, Method
+
+# where a method has none; ours are after Okabe and Ito (2008) and Tol (2021), these too
 OTHERS = ("#44AA99", "#999933", "#AA4499", "#661100", "#6699CC", "#DDCC77")
 OTHER_MARKERS = ("h", "p", "8", "H", "1", "2")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 3)))
 DENSER = ("xxxx", "++++", "oooo", "OOO", "***")  # hatching of the variants of a method
 
 
+class OfMethod(Protocol):
+    """What is drawn of a method."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def plus(self) -> bool: ...
+
+
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """How one line, or one set of bars, is drawn."""
 
     colour: str
@@ -59,28 +58,24 @@ class Look:
         return {"facecolor": self.colour, "hatch": self.hatch}
 
 
-def looks(labels: Sequence[str]) -> list[Look]:
-    """The look of each label, such as "ptrs+logqinit-mean" or "ops-tl rho=1"; no two alike."""
-    methods = [method_of(label) for label in labels]
-    strangers = [base for base in dict(methods) if base not in KNOWN]
-    found, seen = [], dict[str, int]()
-    for base, plus in methods:
-        variant = seen.get(base, int(plus))
-        seen[base] = variant + 1
-        if base in KNOWN:
-            colour, marker, hatch = KNOWN[base]
-        else:
-            at = strangers.index(base)
-            colour, marker, hatch = OTHERS[at % len(OTHERS)], OTHER_MARKERS[at % len(OTHER_MARKERS)], ""
-        dashes = DASHES[variant % len(DASHES)] if base != "optimal" else ":"
-        found.append(Look(colour, dashes, marker, _hatch(hatch, variant), variant))
+def appearances(drawn: Iterable[OfMethod]) -> dict[str, Appearance]:
+    """How each label appears, no two alike; a label that comes again appears as before."""
+    found, seen = dict[str, Appearance](), dict[str, int]()
+    strangers: list[str] = []  # whose methods have no colour of their own
+    for one in {one.label: one for one in drawn}.values():
+        variant = seen.get(one.method, int(one.plus))
+        seen[one.method] = variant + 1
+        kind = METHODS.get(one.method, Method)
+        colour, marker, hatch, dashes = kind.look
+        if not colour:
+            if one.method not in strangers:
+                strangers.append(one.method)
+            at = strangers.index(one.method)
+            colour, marker = OTHERS[at % len(OTHERS)], OTHER_MARKERS[at % len(OTHER_MARKERS)]
+        found[one.label] = Appearance(
+            colour, dashes or DASHES[variant % len(DASHES)], marker, _hatch(hatch, variant), variant
+        )
     return found
-
-
-def method_of(label: str) -> tuple[str, bool]:
-    """The method of a label and whether it is a "+", without what it starts from, its options and what else is said."""
-    name, plus, _ = label.split(" ")[0].rstrip(",").partition("+")
-    return name, bool(plus)
 
 
 def _hatch(own: str, variant: int) -> str:

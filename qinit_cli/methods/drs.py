@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
+from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
+from qinit_cli.methods.zero import Zero
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -24,7 +27,14 @@ class Drs(Plus):
 
     name: ClassVar[str] = "drs"
     formula: ClassVar[str] = "phi(s) = gamma^d(s); mountain-car: (x + 1.2) / 1.7 within [0, 1]"
+    look: ClassVar[Look] = Look("#8C6D31", ">", "....")
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 115, "mountain-car": 850}
     privileged: ClassVar[bool] = True
+
+    @property
+    def reads_sources(self) -> bool:
+        """Whether the initialisation does."""
+        return self.init != Zero.name
 
     def potential(self, fit: Fit, targets: Targets) -> Floats:
         """How near each state is to the goal, (S,), or (T, S) where goals differ."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -19,6 +19,7 @@ class LogQInitMean(Initialisation):
 
     name: ClassVar[str] = "logqinit-mean"
     formula: ClassVar[str] = "exp(mu + sigma^2/2)"
+    look: ClassVar[Look] = Look("#56B4E9", "D", "////")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """exp(mu + sigma^2/2), (S, A), by the fit's estimator."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -20,6 +20,8 @@ class LogQInitMedian(Initialisation):
 
     name: ClassVar[str] = "logqinit-median"
     formula: ClassVar[str] = "exp(mu)"
+    reference: ClassVar[bool] = True
+    look: ClassVar[Look] = Look("#0072B2", "o")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """exp(mu), (S, A), by the fit's estimator; NotAllowed where that has no median."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import option
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -31,6 +31,7 @@ class LogQInitQuantile(Initialisation):
 
     name: ClassVar[str] = "logqinit-quantile"
     formula: ClassVar[str] = "exp(mu + z sigma), z = Phi^-1(quantile)"
+    look: ClassVar[Look] = Look("#332288", "P", "....")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """exp(mu + z sigma), (S, A); NotAllowed where the fit's estimator is not mle."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -24,6 +24,7 @@ class MaxQInit(Initialisation):
 
     name: ClassVar[str] = "maxqinit"
     formula: ClassVar[str] = "max_i Q_i"
+    look: ClassVar[Look] = Look("#D55E00", "^", "....")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """max_i Q_i, (S, A)."""

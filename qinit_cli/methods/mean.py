@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -19,6 +19,7 @@ class Mean(Initialisation):
 
     name: ClassVar[str] = "mean"
     formula: ClassVar[str] = "mean_i Q_i"
+    look: ClassVar[Look] = Look("#888888", "v", "////")
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """mean_i Q_i over the sources with a positive value, (S, A)."""

@@ -7,8 +7,9 @@ also read the target's parameters and return arrays with a leading target axis.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Self
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option, options
@@ -62,6 +63,15 @@ class Initial:
         )
 
 
+class Look(NamedTuple):
+    """How a method is drawn in every picture; "" takes what no other method has."""
+
+    colour: str = ""  # #RRGGBB
+    marker: str = ""  # on lines, by matplotlib's name
+    hatch: str = ""  # of bars, by matplotlib's name
+    dashes: str = ""  # of lines, by matplotlib's name; the method's variants have others
+
+
 class Method:
     """The neutral method; subclasses replace the parts they have."""
 
@@ -70,6 +80,12 @@ class Method:
     privileged: ClassVar[bool] = False  # reads the target's parameters
     needs_tables: ClassVar[bool] = False  # reads Q* of the targets, which are then made before it is asked
     reconstructed: ClassVar[bool] = False  # its authors' formula is not public
+    reference: ClassVar[bool] = False  # what others are measured by: in pictures of either kind of method
+    look: ClassVar[Look] = Look()
+    # steps of an episode by family, measured at the paper's sizes: of what starts from the sources' tables, unless replaced
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 220}
+    # of the speed at which sources are learned: shorter runs, and starts that are read from memory
+    speed: ClassVar[float] = 0.8
 
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
@@ -82,6 +98,20 @@ class Method:
     def reads_moments(self) -> bool:
         """Whether its start is made of the fit's moments per state-action."""
         return False
+
+    @property
+    def reads_sources(self) -> bool:
+        """Whether other sources would make it start otherwise; else one run of it serves all source sets."""
+        return True
+
+    @property
+    def library_wanted(self) -> int:
+        """How many tables of the fit's library it asks for; 0 where as many as there are."""
+        return 0
+
+    def expected_steps(self, family: str) -> float:
+        """Steps that an episode may take in the family of this name."""
+        return self.episode_steps[family]
 
     @property
     def label(self) -> str:

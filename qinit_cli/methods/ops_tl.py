@@ -6,10 +6,12 @@ policy it does not explore, as all others do; --explore-while-following takes th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.fields import option
+from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
 
 if TYPE_CHECKING:
@@ -47,7 +49,15 @@ class OpsTl(Plus):
 
     name: ClassVar[str] = "ops-tl"
     formula: ClassVar[str] = "argmax_j W_j + c sqrt(2 ln k / n_j), followed with chance psi0 rho^(k-1) nu^t"
+    look: ClassVar[Look] = Look("#009E73", "d", "\\\\\\\\")
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 600}
+    speed: ClassVar[float] = 0.45  # policies are chosen
     reconstructed: ClassVar[bool] = True
+
+    @property
+    def library_wanted(self) -> int:
+        """As many as its option says."""
+        return self.library
 
     def policies(self, fit: Fit, targets: Targets) -> Policies:
         """The greedy policies of the first tables of the library, (K, S), and how they are chosen."""

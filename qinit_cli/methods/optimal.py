@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.methods.method import Method
+from qinit_cli.methods.method import Look, Method
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -20,7 +21,15 @@ class Optimal(Method):
     name: ClassVar[str] = "optimal"
     formula: ClassVar[str] = "Q* of the target"
     privileged: ClassVar[bool] = True
+    reference: ClassVar[bool] = True
+    look: ClassVar[Look] = Look("#000000", "*", "----", ":")
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 65, "mountain-car": 170}
     needs_tables: ClassVar[bool] = True
+
+    @property
+    def reads_sources(self) -> bool:
+        """It reads the target alone."""
+        return False
 
     def start(self, fit: Fit, targets: Targets) -> Floats:
         """Q* of each target, (T, S, A)."""

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
-from qinit_cli.methods.method import LARGEST_RETURN, Initial, Method
+from qinit_cli.methods.method import LARGEST_RETURN, Initial, Look, Method
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -82,6 +82,12 @@ class Posterior(Method):
 
     name: ClassVar[str] = "posterior"
     formula: ClassVar[str] = "sum_i w_i Q_i, ln w_i = -temperature sum of z_i^2 over the target's own steps"
+    look: ClassVar[Look] = Look("#882255", "X", "////")
+
+    @property
+    def library_wanted(self) -> int:
+        """As many as its option says."""
+        return self.library or 0
 
     def on(self, family: Family) -> Posterior:
         """With the evidence that suits the family, and what suits that."""

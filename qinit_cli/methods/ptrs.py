@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
+from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ class Ptrs(Plus):
 
     name: ClassVar[str] = "ptrs"
     formula: ClassVar[str] = "phi(s) = mean_i max_a Q_i(s, a)"
+    look: ClassVar[Look] = Look("#CC79A7", "<")
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 135, "mountain-car": 240}
 
     def potential(self, fit: Fit, targets: Targets) -> Floats:
         """mean_i max_a Q_i or max_a mean_i Q_i, (S,); 0 where no source knows the state."""

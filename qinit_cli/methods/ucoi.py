@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.fields import option
-from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -35,6 +35,7 @@ class Ucoi(Initialisation):
 
     name: ClassVar[str] = "ucoi"
     formula: ClassVar[str] = "(1-b) mean + b max, b = 1 - c (1-u), c = n/(n+kappa), u = 2 sd/(max-min)"
+    look: ClassVar[Look] = Look("#E69F00", "s", "\\\\\\\\")
     reconstructed: ClassVar[bool] = True
 
     def start(self, fit: Fit, targets: Targets) -> Floats:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from qinit_cli.methods.method import Method
+from qinit_cli.methods.method import Look, Method
 
 
 @dataclass(frozen=True)
@@ -14,3 +15,11 @@ class Zero(Method):
 
     name: ClassVar[str] = "zero"
     formula: ClassVar[str] = "0"
+    reference: ClassVar[bool] = True
+    look: ClassVar[Look] = Look("#000000")
+    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 165, "mountain-car": 995}
+
+    @property
+    def reads_sources(self) -> bool:
+        """It reads none."""
+        return False

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from qinit_cli.comparison.source_sets import READ_NO_SOURCES
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
@@ -252,7 +251,7 @@ class Study:
         return tuple(
             Run(self.fit(family, seed), method, sizes.targets, sizes.target_episodes)
             for method in methods
-            for seed in range(1 if method.label.split()[0] in READ_NO_SOURCES else self.sets)
+            for seed in range(self.sets if method.reads_sources else 1)
         )
 
     def optimal(self, family: Family) -> Run:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from qinit_cli.claims.verdict import Verdict
     from qinit_store.reading import Artefact
 
-HEATMAPS = ("logqinit-median", "ucoi", "maxqinit")  # methods whose starts a claim is about
 AMONG_GOALS = 0.95  # of the goals
 
 
@@ -195,6 +194,7 @@ def _among(chances: Floats) -> Any:
 
 def _maps(artefact: Artefact, family: Family) -> Maps:
     from qinit_cli.claims.evidence import Maps
+    from qinit_cli.claims.heatmaps import MAPPED
     from qinit_cli.methods.plus import initialisations
     from qinit_cli.pipeline.fit_statistics import start
 
@@ -205,7 +205,7 @@ def _maps(artefact: Artefact, family: Family) -> Maps:
     return Maps(
         chances=family.goal_chances().reshape(family.shape),
         starts={
-            name: start(methods[name](), fit, family).max(axis=1).reshape(family.shape) for name in HEATMAPS
+            name: start(methods[name](), fit, family).max(axis=1).reshape(family.shape) for name in MAPPED
         },
     )
 
@@ -232,7 +232,7 @@ def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Se
     reading: dict[tuple[str, str], list[Entry]] = {}
     free: dict[str, list[Entry]] = {}
     for entry in group.entries:
-        if entry.reads_no_sources:
+        if not entry.reads_sources:
             free.setdefault(targets(entry), []).append(entry)
         else:
             reading.setdefault((targets(entry), canonical_json(entry.runs[0].fitted)), []).append(entry)
@@ -257,7 +257,7 @@ def _arms(entries: Iterable[Entry], averages: Mapping[str, Floats]) -> dict[str,
         arm = Arm(
             averages=np.stack([averages[run.name] for run in entry.runs]),
             places=tuple((run.target_digest, run.source_set) for run in entry.runs),
-            reads_sources=not entry.reads_no_sources,
+            reads_sources=entry.reads_sources,
         )
         arms.setdefault(entry.runs[0].label, arm)
     return arms

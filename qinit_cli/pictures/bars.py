@@ -13,7 +13,7 @@ from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.comparison.estimates import Estimate
-    from qinit_cli.comparison.rows import Comparison
+    from qinit_cli.comparison.rows import Comparison, Row
     from qinit_cli.comparison.runs import Run
     from qinit_cli.comparison.scores import Metric
     from qinit_cli.figures.bars import Bars
@@ -54,7 +54,7 @@ def drawn(
 
 def _apart(series: Sequence[Bars]) -> dict[str, list[Bars]]:
     """The bars of either kind; NotAllowed where there are none of one."""
-    panels = {kind: [bars for bars in series if of_kind(bars.label, kind)] for kind in KINDS}
+    panels = {kind: [bars for bars in series if of_kind(bars, kind)] for kind in KINDS}
     for kind, found in panels.items():
         if not found:
             raise NotAllowed(f"there are no runs of {kind}; draw these in one panel")
@@ -87,6 +87,7 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
     from qinit_cli.figures.bars import Bars
 
     heights: dict[str, dict[int, Estimate]] = {}
+    of: dict[str, Row] = {}
     for at, comparison in enumerate(comparisons):
         if baseline is not None and comparison.baseline is None:
             raise NotAllowed(
@@ -97,6 +98,7 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
             if height is not None:
                 label = legible(f"{row.label} ({row.remark})" if row.remark else row.label)
                 heights.setdefault(label, {})[at] = height
+                of[label] = row
     if not heights:
         raise NotAllowed(f"there are runs of {baseline} alone; nothing differs from it")
     series = []
@@ -104,5 +106,5 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
         bounds = np.full((3, len(comparisons)), np.nan)
         for at, height in of_group.items():
             bounds[:, at] = height.mean, height.low, height.high
-        series.append(Bars(label, Interval(*bounds)))
+        series.append(Bars(label, Interval(*bounds), of[label].method, of[label].plus))
     return series

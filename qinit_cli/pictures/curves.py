@@ -37,8 +37,8 @@ def drawn(
 ) -> Drawn:
     """The metric over episodes, each point the mean of the last `smooth`, over source sets and targets.
 
-    A panel for each set of targets, in the order of the runs; `by_kind` two, initialisations and other methods, with zero,
-    optimal and logqinit-median in both.
+    A panel for each set of targets, in the order of the runs; `by_kind` two, initialisations and other methods, with
+    the reference methods in both.
     Runs that met only the first of the others' targets are drawn beside them and labelled so, as `optimal` where its tables
     are costly.
     """
@@ -73,7 +73,7 @@ def _apart(panels: Sequence[Panel]) -> Iterator[Panel]:
     """Each panel as one of either kind; NotAllowed where there are no curves of one."""
     for panel in panels:
         for kind in KINDS:
-            lines = [line for line in panel.lines if of_kind(line.label, kind)]
+            lines = [line for line in panel.lines if of_kind(line, kind)]
             if not lines:
                 raise NotAllowed(f"{panel.title} has no runs of {kind}; draw these in one panel")
             yield replace(panel, title=f"{panel.title}, {kind}", lines=lines)
@@ -125,7 +125,8 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: st
     curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))
     values = np.stack([each[:, shown] for each in curves])
-    return Curve(marked(entry.label, entry.method) + addition, shown + 1, _band(values, group))
+    label = marked(entry.label, entry.method) + addition
+    return Curve(label, shown + 1, _band(values, group), entry.method, entry.plus)
 
 
 def _band(values: Floats, group: Group) -> Interval:

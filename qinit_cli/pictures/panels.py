@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.comparison.distinctions import distinctions, with_words
-from qinit_cli.comparison.source_sets import reads_no_sources
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
+from qinit_cli.methods.stored import reads_sources
 from qinit_cli.pictures.names import marked
 
 if TYPE_CHECKING:
@@ -107,19 +107,21 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
                 raise
             notes.append(f"{method.name} is left out: {refusal}")
         else:
-            tables[marked(method.name, method.name)] = _largest(start, found.label, known.fit.n)
+            tables[marked(method.name, method.name)] = _largest(
+                start, known.fit.n, reads_sources=found.reads_sources
+            )
     return Panels(known.family, known.content_sha256, known.spec, START_LABEL, tables)
 
 
-def _largest(start: Floats, label: str, n: Integers) -> Floats:
-    """The start (S, A) of the method of that label, largest over the actions, (S,).
+def _largest(start: Floats, n: Integers, *, reads_sources: bool) -> Floats:
+    """The start (S, A) of a method, largest over the actions, (S,).
 
     NaN where no source has a value, by their number `n` (S, A): there a method that reads sources starts from a bound.
     """
     import numpy as np
 
     largest: Floats = start.max(axis=-1)
-    if reads_no_sources(label):
+    if not reads_sources:
         return largest
     known = ((start == largest[:, None]) & (n > 0)).any(axis=-1)
     return np.where(known, largest, np.nan)
@@ -164,7 +166,7 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
             largest, label = start.max(axis=-1).mean(axis=0), f"{label}, mean of targets"
         else:
             n = _sources_with_a_value(artefact, fits, notes)
-            largest = _largest(start.reshape(-1, start.shape[-1]), method["label"], n)
+            largest = _largest(start.reshape(-1, start.shape[-1]), n, reads_sources=reads_sources(method))
         return Panels(
             family_in(artefact),
             fit,
@@ -191,7 +193,7 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
             with open_artefact(path, "fit") as fit:
                 n = fit.read("n")
                 return n.reshape(-1, n.shape[-1])
-    if not reads_no_sources(run.spec["method"]["label"]):
+    if reads_sources(run.spec["method"]):
         notes.append(
             f"{run.path}: what no source knows is not grey, for its fit is neither given nor beside it"
         )

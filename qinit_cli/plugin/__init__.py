@@ -10,7 +10,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 from qinit_cli.fitted import Fit
 from qinit_cli.learning import Learning
-from qinit_cli.methods.method import Initialisation, Method
+from qinit_cli.methods.method import Initialisation, Look, Method
 from qinit_cli.methods.plus import Plus
 from qinit_cli.methods.targets import Targets
 
@@ -19,6 +19,7 @@ __all__ = [
     "Fit",
     "Initialisation",
     "Learning",
+    "Look",
     "Method",
     "NeutralFamily",
     "NotAllowed",

@@ -210,8 +210,8 @@ def test_what_stands_in_where_no_source_has_a_value_is_no_knowledge() -> None:
 
     start = np.array([[0.3, 0.2], [0.9, 0.4], [0.5, 0.5], [1.0, 1.0]])
     n = np.array([[3, 1], [0, 2], [0, 1], [0, 0]], np.int32)
-    np.testing.assert_array_equal(_largest(start, "mean", n), [0.3, np.nan, 0.5, np.nan])
-    np.testing.assert_array_equal(_largest(start, "zero", n), [0.3, 0.9, 0.5, 1.0])
+    np.testing.assert_array_equal(_largest(start, n, reads_sources=True), [0.3, np.nan, 0.5, np.nan])
+    np.testing.assert_array_equal(_largest(start, n, reads_sources=False), [0.3, 0.9, 0.5, 1.0])
 
 
 HOLES_AND_GOAL = [(1, 1), (1, 3), (2, 3), (3, 0), (3, 3)]  # of Gymnasium's map of 4 x 4

@@ -3,62 +3,108 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import pytest
 
-from qinit_cli.figures.looks import KNOWN, looks
+from qinit_cli.figures.looks import Appearance, appearances
 from qinit_cli.methods import METHODS
+from qinit_cli.methods.method import Initialisation, Look
 from qinit_cli.methods.plus import Plus
 
+
+@dataclass(frozen=True)
+class Shown:
+    """A line of a method."""
+
+    label: str
+    method: str
+    plus: bool = False
+
+
+def started(name: str, init: str = "logqinit-median") -> Shown:
+    return Shown(f"{name}+{init}", name, True)
+
+
+def looks(lines: Sequence[Shown]) -> list[Appearance]:
+    found = appearances(lines)
+    return [found[line.label] for line in lines]
+
+
+PLAIN = [Shown(name, name) for name in METHODS]
 PLUS = [name for name, method in METHODS.items() if issubclass(method, Plus)]
-TRANSFER = [label for name in PLUS for label in (name, f"{name}+logqinit-median")]
-EVERY = [*METHODS, *(label for label in TRANSFER if "+" in label)]
+TRANSFER = [line for name in PLUS for line in (Shown(name, name), started(name))]
+EVERY = [*PLAIN, *(started(name) for name in PLUS)]
+VARIANTS = [Shown("ops-tl rho=1", "ops-tl"), Shown("ops-tl rho=1 nu=1", "ops-tl")]
+REFERENCES = [Shown(name, name) for name in ("zero", "logqinit-median", "optimal")]
 
 
 def test_every_method_has_a_look_of_its_own() -> None:
-    assert set(METHODS) <= KNOWN.keys()
-    assert len({colour for colour, _, _ in KNOWN.values()}) == len(KNOWN) - 1  # zero and optimal are black
+    colours = [method.look.colour for method in METHODS.values()]
+    assert all(colours)
+    assert len(set(colours)) == len(colours) - 1  # zero and optimal are black
 
 
-@pytest.mark.parametrize("labels", [EVERY, [*EVERY, "ops-tl rho=1", "ops-tl rho=1 nu=1"]])
-def test_no_two_lines_and_no_two_bars_are_alike(labels: list[str]) -> None:
-    found = looks(labels)
-    assert len({(look.colour, str(look.dashes), look.marker) for look in found}) == len(labels)
-    assert len({(look.colour, look.hatch) for look in found}) == len(labels)
+@pytest.mark.parametrize("lines", [EVERY, [*EVERY, *VARIANTS]])
+def test_no_two_lines_and_no_two_bars_are_alike(lines: list[Shown]) -> None:
+    found = looks(lines)
+    assert len({(look.colour, str(look.dashes), look.marker) for look in found}) == len(lines)
+    assert len({(look.colour, look.hatch) for look in found}) == len(lines)
 
 
 def test_a_method_looks_the_same_whatever_it_stands_beside() -> None:
-    whole = dict(zip(EVERY, looks(EVERY), strict=True))
-    for label in EVERY:
-        assert looks([label]) == [whole[label]]
-    assert looks(["zero", "ucoi (reconstruction)"])[1] == whole["ucoi"]
+    whole = appearances(EVERY)
+    for line in EVERY:
+        assert looks([line]) == [whole[line.label]]
+    assert looks([PLAIN[0], Shown("ucoi (reconstruction)", "ucoi")])[1] == whole["ucoi"]
 
 
 def test_a_plus_has_the_colour_of_its_method_and_other_dashes_and_hatching() -> None:
     for name in PLUS:
-        plain, plus = looks([name, f"{name}+mean"])
+        plain, plus = looks([Shown(name, name), started(name, "mean")])
         assert plain.colour == plus.colour
         assert plain.dashes != plus.dashes
         assert plain.hatch != plus.hatch
 
 
-@pytest.mark.parametrize("labels", [list(METHODS), [*TRANSFER, "zero", "logqinit-median", "optimal"]])
-def test_lines_are_told_apart_without_colour(labels: list[str]) -> None:
-    assert len({(look.marker, str(look.dashes), look.variant > 0) for look in looks(labels)}) == len(labels)
+@pytest.mark.parametrize("lines", [PLAIN, [*TRANSFER, *REFERENCES]])
+def test_lines_are_told_apart_without_colour(lines: list[Shown]) -> None:
+    found = looks(lines)
+    assert len({(look.marker, str(look.dashes), look.variant > 0) for look in found}) == len(lines)
 
 
 def test_neighbouring_bars_differ_in_hatching() -> None:
-    hatches = [look.hatch for look in looks(list(METHODS))]
+    hatches = [look.hatch for look in looks(PLAIN)]
     assert all(one != other for one, other in itertools.pairwise(hatches))
 
 
-def test_plug_ins_take_looks_that_are_free() -> None:
-    found = looks(["zero", "mine", "yours", "mine k=3"])
+def test_methods_without_a_look_take_what_is_free() -> None:
+    mine, yours = Shown("mine", "mine"), Shown("yours", "yours")
+    found = looks([PLAIN[0], mine, yours, Shown("mine k=3", "mine")])
     assert len({(look.colour, look.marker, str(look.dashes)) for look in found}) == 4
-    assert found[1].colour not in {colour for colour, _, _ in KNOWN.values()}
+    assert found[1].colour not in {method.look.colour for method in METHODS.values()}
     assert found[1].colour == found[3].colour != found[2].colour
 
 
+def test_a_plug_ins_method_looks_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(frozen=True)
+    class Mine(Initialisation):
+        """Mine."""
+
+        name: ClassVar[str] = "mine"
+        formula: ClassVar[str] = "0"
+        look: ClassVar[Look] = Look("#123456", "h", "xx")
+
+    monkeypatch.setitem(METHODS._loaded, "mine", Mine)  # as an entry point would
+    plain, other = looks([Shown("mine", "mine"), Shown("mine k=3", "mine")])
+    assert (plain.colour, plain.marker, plain.hatch) == ("#123456", "h", "xx")
+    assert (other.colour, other.marker) == ("#123456", "h")
+    assert other.hatch != plain.hatch
+
+
 def test_marks_of_neighbouring_lines_do_not_coincide() -> None:
-    first, second = (look.line(200, at)["markevery"] for at, look in enumerate(looks(["mean", "ucoi"])))
+    pair = [Shown("mean", "mean"), Shown("ucoi", "ucoi")]
+    first, second = (look.line(200, at)["markevery"] for at, look in enumerate(looks(pair)))
     assert first != second

@@ -1,1 +1,1 @@
-"""A plug-in of qinit: the family corridor and the method cautious."""
+"""A plug-in of qinit: the family corridor and the methods cautious and hopeful."""
