@@ -13,6 +13,7 @@ import atexit
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -59,8 +60,14 @@ def exit_code() -> int | None:
 
 @contextmanager
 def asking_first(stop: Callable[[], None]) -> Iterator[list[int]]:
-    """Within the block the first signal calls `stop`, and its number is appended to the list; a second ends at once."""
+    """Within the block the first signal calls `stop`, and its number is appended to the list; a second ends at once.
+
+    In another thread than the main one, which alone receives signals, nothing is appended.
+    """
     received: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield received
+        return
 
     def ask(number: int, frame: FrameType | None) -> None:
         if received:

@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,9 @@ def test_a_start_table_in_every_format_is_the_same(here: Callable[..., Ended], f
     for ending in ("npz", "npy", "csv", "h5"):
         ended = here("start", "logqinit-mean", "f.h5", "-o", f"start.{ending}")
         assert (ended.code, ended.out) == (0, f"start.{ending}\n"), ended.err
-        again = here("start", "logqinit-mean", "f.h5", "-o", f"start.{ending}")  # the same bytes take no --force
+        again = here(
+            "start", "logqinit-mean", "f.h5", "-o", f"start.{ending}"
+        )  # the same bytes take no --force
         assert again.code == 0, again.err
     with np.load("start.npz") as archive:
         np.testing.assert_array_equal(archive["start"], wanted)
@@ -222,6 +225,13 @@ def test_errors_are_those_that_the_command_turns_into_exit_codes(
         qinit.fit(qinit.train_sources(family, tasks=1, learner="exact"))
     with pytest.raises(AttributeError, match="gridworld"):
         _ = qinit.families.gridwold
+
+
+def test_another_thread_than_the_main_one_may_learn(sources: library.Sources) -> None:
+    family = qinit.families.gridworld(size=5, variance=2)
+    with ThreadPoolExecutor(1) as threads:
+        made = threads.submit(qinit.train_sources, family, tasks=12, learner="exact").result()
+    assert made.digest == sources.digest
 
 
 def test_a_failed_task_raises(monkeypatch: pytest.MonkeyPatch) -> None:
