@@ -43,7 +43,7 @@ from qinit_cli.pipeline.job import Made, Plan, make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.knowledge import Knowledge
 from qinit_cli.pipeline.machine import Machine
-from qinit_cli.pipeline.optimal_tables import OptimalTables
+from qinit_cli.pipeline.optimal_tables import initial_of
 from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_cli.pipeline.starts import start_table
 from qinit_cli.pipeline.words import option_words
@@ -367,9 +367,9 @@ def transfer(
     words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
     keeping = _keeping(store, output, words)
     targets, count = target_tasks.targets_of(asked, known.spec)
-    tables = OptimalTables(targets, count, known.learning, keeping, Machine(jobs=jobs), reporter)
-    initial = chosen.initial(known.fit, targets.targets(count, tables.needed_by(chosen)))
-    plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables.inputs])
+    machine = _asked(Machine, jobs=jobs)
+    initial, tables = initial_of(chosen, known, targets, count, keeping, machine, reporter)
+    plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables])
     return Run(_made(plan, keeping, jobs, reporter).source)
 
 

@@ -21,8 +21,9 @@ from qinit_store.wording import counted, magnitude, plain, shell_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.pipeline.job import Made
+    from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
+    from qinit_cli.pipeline.transfer import TargetTasks
 
 
 def add_to(methods: typer.Typer) -> None:
@@ -127,7 +128,7 @@ def _update(
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
-    from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee, trial_episodes
+    from qinit_cli.pipeline.estimate import expected
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.lifelong import lifetime_plan
@@ -143,18 +144,17 @@ def _update(
             display,
             "warning: the targets are of a changed family; --update mixes them into what is known of the sources'",
         )
-    plan = lifetime_plan(method, living, targets, count, fitted)
+
+    def plan(targets: TargetTasks, count: int) -> Plan:
+        return lifetime_plan(method, living, targets, count, fitted)
+
     alone = replace(
         machine, jobs=1, fail_fast=True
     )  # what comes after a task that failed needs what it learned
     if output.dry_run:
-        episodes = targets.learning.episodes
-        tried = trial_episodes(episodes)
-        fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = lifetime_plan(method, living, fewer, min(count, TRIAL_TASKS), fitted)
-        say_expected(foresee(plan, trial, episodes, tried, output.keeping, alone), output, display)
+        say_expected(expected(plan, targets, count, output.keeping, alone), output, display)
         return
-    made = make(plan, output.keeping, alone, Printed(display))
+    made = make(plan(targets, count), output.keeping, alone, Printed(display))
     sentence = _summary(made, method, fitted)
     found = of_targets(targets.learning, learned(made, targets, fitted.fit))
     warn(made, "", [*outdated(fitted.spec), *found], display)

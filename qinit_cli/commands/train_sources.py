@@ -56,7 +56,7 @@ def train_sources(
 ) -> None:
     """Learns what is missing of the sources asked for, publishes them and prints their path."""
     from qinit_cli.commands.results import say_expected, say_result, warn
-    from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee, trial_episodes
+    from qinit_cli.pipeline.estimate import expected
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.sources import plan_of, tasks_of
 
@@ -66,14 +66,11 @@ def train_sources(
     before = family.warning
     if before:
         note(display, f"warning: {before}")
-    plan = plan_of(tasks, sources.tasks or family.source_tasks)
+    count = sources.tasks or family.source_tasks
     if output.dry_run:
-        tried = trial_episodes(tasks.learning.episodes)
-        trial = plan_of(replace(tasks, learning=replace(tasks.learning, episodes=tried)), TRIAL_TASKS)
-        expected = foresee(plan, trial, tasks.learning.episodes, tried, output.keeping, machine)
-        say_expected(expected, output, display)
+        say_expected(expected(plan_of, tasks, count, output.keeping, machine), output, display)
         return
-    made = make(plan, output.keeping, machine, Printed(display))
+    made = make(plan_of(tasks, count), output.keeping, machine, Printed(display))
     sentence, warnings = f"{counted(made.tally.tasks, 'task')}: already complete", list[str]()
     if not made.complete_before:
         sentence, warnings = _summary(made, tasks)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,8 @@ from qinit_store.wording import counted, magnitude, noun, plain
 if TYPE_CHECKING:
     from qinit_cli.fitted import Fit
     from qinit_cli.learning import Learning
-    from qinit_cli.pipeline.job import Tally
+    from qinit_cli.pipeline.job import Plan, Tally
+    from qinit_cli.pipeline.transfer import TargetTasks
 
 
 @dataclass(frozen=True)
@@ -114,11 +114,10 @@ def transfer(
     from qinit_cli.commands import references
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
-    from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee, trial_episodes
+    from qinit_cli.pipeline.estimate import expected
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.optimal_tables import OptimalTables
-    from qinit_cli.pipeline.room import Footprint, check_memory
+    from qinit_cli.pipeline.optimal_tables import initial_of
     from qinit_cli.pipeline.transfer import learned, plan_of, targets_of
 
     known = Knowledge.read(references.one(fit, output.store, references.LEARNING, output=output.output))
@@ -126,22 +125,17 @@ def transfer(
     targets, count = targets_of(learning, known.spec)
     _say_overrides(targets.learning, known.learning, display)
     _say_limits(method, known.fit, targets.family, display)
-    if method.privileged:  # its arrays have a leading target axis
-        check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
-    tables = OptimalTables(
-        targets, count, known.learning, output.keeping, machine, Printed(display), output.dry_run
+    initial, tables = initial_of(
+        method, known, targets, count, output.keeping, machine, Printed(display), trial=output.dry_run
     )
-    initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
-    inputs = [*choice, *tables.inputs]
-    plan = plan_of(method, targets, initial, count, known, inputs)
+
+    def plan(targets: TargetTasks, count: int) -> Plan:
+        return plan_of(method, targets, initial, count, known, [*choice, *tables])
+
     if output.dry_run:
-        episodes = targets.learning.episodes
-        tried = trial_episodes(episodes)
-        fewer = replace(targets, learning=replace(targets.learning, episodes=tried))
-        trial = plan_of(method, fewer, initial, min(count, TRIAL_TASKS), known, inputs)
-        say_expected(foresee(plan, trial, episodes, tried, output.keeping, machine), output, display)
+        say_expected(expected(plan, targets, count, output.keeping, machine), output, display)
         return
-    made = make(plan, output.keeping, machine, Printed(display))
+    made = make(plan(targets, count), output.keeping, machine, Printed(display))
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)

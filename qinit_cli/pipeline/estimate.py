@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from qinit_cli.pipeline.job import place, share_of
 from qinit_cli.pipeline.keeping import Keeping
@@ -12,6 +13,10 @@ from qinit_cli.pipeline.machine import Machine
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Plan
+    from qinit_cli.pipeline.sources import SourceTasks
+    from qinit_cli.pipeline.transfer import TargetTasks
+
+Tasks = TypeVar("Tasks", "SourceTasks", "TargetTasks")
 
 TRIAL_TASKS = 4  # learned side by side, as the kernels like it
 TRIAL_SHARE = 25  # one episode in so many is tried ...
@@ -31,9 +36,15 @@ class Expected:
     bytes: int
 
 
-def trial_episodes(episodes: int) -> int:
-    """How many episodes of a task are tried."""
-    return min(episodes, MOST_TRIED, max(FEWEST_TRIED, episodes // TRIAL_SHARE))
+def expected(
+    plan_of: Callable[[Tasks, int], Plan], tasks: Tasks, count: int, keeping: Keeping, machine: Machine
+) -> Expected:
+    """What `plan_of(tasks, count)` would take, judged by a few of the tasks and a few of their episodes."""
+    episodes = tasks.learning.episodes
+    tried = min(episodes, MOST_TRIED, max(FEWEST_TRIED, episodes // TRIAL_SHARE))
+    fewer = replace(tasks, learning=replace(tasks.learning, episodes=tried))
+    trial = plan_of(fewer, min(count, TRIAL_TASKS))
+    return foresee(plan_of(tasks, count), trial, episodes, tried, keeping, machine)
 
 
 def foresee(

@@ -2,21 +2,52 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.errors import TasksFailed
 from qinit_cli.learning import Learning
 from qinit_cli.methods.targets import no_tables
+from qinit_cli.pipeline.job import make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import SILENT, Reporter
+from qinit_cli.pipeline.room import Footprint, check_memory
+from qinit_cli.pipeline.sources import SourceTasks, plan_of
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.methods import Method
+    from qinit_cli.methods import Initial, Method
+    from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.transfer import TargetTasks
+
+
+def initial_of(
+    method: Method,
+    known: Knowledge,
+    targets: TargetTasks,
+    count: int,
+    keeping: Keeping,
+    machine: Machine,
+    reporter: Reporter = SILENT,
+    *,
+    trial: bool = False,
+) -> tuple[Initial, list[dict[str, str]]]:
+    """What a method starts so many targets from, and the artefact of their own tables, if it needed one, as an input.
+
+    `keeping` is that of the run. In a `trial` tables that would have to be learned are zeros. SystemFailed where arrays for each
+    target do not fit into memory.
+    """
+    if method.privileged:  # its arrays have a leading target axis
+        check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
+    tables = OptimalTables(targets, count, known.learning, keeping, machine, reporter, trial)
+    initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
+    return initial, tables.inputs
 
 
 @dataclass
@@ -37,12 +68,6 @@ class OptimalTables:
         return self._made() if method.needs_tables else no_tables(self.targets.family)
 
     def _made(self) -> Floats:
-        import math
-
-        import numpy as np
-
-        from qinit_cli.pipeline.room import Footprint, check_memory
-
         family = self.targets.family
         check_memory(
             Footprint(self.count, math.prod(family.shape) * len(family.actions) * 8), self.count, self.count
@@ -55,10 +80,6 @@ class OptimalTables:
         return q
 
     def _learned(self) -> Floats:
-        from qinit_cli.artefacts.opening import open_artefact
-        from qinit_cli.pipeline.job import make
-        from qinit_cli.pipeline.sources import SourceTasks, plan_of
-
         settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
         self.reporter.note(
@@ -77,10 +98,6 @@ class OptimalTables:
         return q.reshape(self.count, -1, len(self.targets.family.actions))
 
     def _not_learned(self) -> Floats:
-        import math
-
-        import numpy as np
-
         self.reporter.note(
             f"optimal would first learn the tables of {counted(self.count, 'target')}, which takes what as many sources take",
         )

@@ -130,15 +130,14 @@ class Maker:
 
     def _run(self, run: Run, fit: Path, reporter: Reporter) -> Made:
         from qinit_cli.pipeline.job import make
-        from qinit_cli.pipeline.optimal_tables import OptimalTables
+        from qinit_cli.pipeline.optimal_tables import initial_of
         from qinit_cli.pipeline.transfer import plan_of
 
         known = self._knowledge(fit)
         keeping = replace(self.keeping, command=tuple(run_command(run, fit, str(self.keeping.store))))
         targets = targets_of_run(run, known.spec)
-        tables = OptimalTables(targets, run.tasks, known.learning, keeping, self.machine, reporter)
-        initial = run.method.initial(known.fit, targets.targets(run.tasks, tables.needed_by(run.method)))
-        plan = plan_of(run.method, targets, initial, run.tasks, known, tables.inputs)
+        initial, tables = initial_of(run.method, known, targets, run.tasks, keeping, self.machine, reporter)
+        plan = plan_of(run.method, targets, initial, run.tasks, known, tables)
         return make(plan, keeping, self.machine, reporter)
 
     def _knowledge(self, fit: Path) -> Knowledge:
