@@ -36,13 +36,11 @@ class Into:
 
 
 def add_to(methods: typer.Typer) -> None:
-    """Adds one subcommand per method that starts from a fit alone."""
+    """Adds one subcommand per method."""
     add_each(methods, METHODS, _add)
 
 
 def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
-    if method.privileged:
-        return
     add_command(
         methods,
         name,
@@ -66,11 +64,11 @@ def start(fit: str, method: Method, into: Into, reading: Reading, display: Displ
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.starts import encoded, start_table
 
-    path = Path(into.output or "")
+    if into.output is None:
+        raise UsageError(f"-o FILE is missing; its ending is the format, one of {', '.join(FORMATS)}")
+    path = Path(into.output)
     if path.suffix not in FORMATS:
-        raise UsageError(
-            f"-o {into.output or 'FILE'}: the file's ending is the format, one of {', '.join(FORMATS)}"
-        )
+        raise UsageError(f"-o {path}: the file's ending is the format, one of {', '.join(FORMATS)}")
     given = references.one(fit, reading.store, output=into.output)
     table = start_table(Knowledge.read(given), method)
     content = encoded(table, path.suffix)
