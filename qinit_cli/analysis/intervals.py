@@ -9,18 +9,27 @@ Intervals are not corrected for how many there are.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from qinit_cli.analysis import resampling
-from qinit_cli.analysis.resampling import RESAMPLES, Crossed, Nested
+from qinit_cli.analysis.resampling import RESAMPLES, Crossed, Nested, units
 from qinit_cli.arrays import Floats
 
 LEVEL = 0.95
 FEW_SOURCE_SETS = 5  # below, coverage is under nominal: no sample of three or four reaches beyond them
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its 95 % interval; the bounds are NaN where there is none."""
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -31,31 +40,43 @@ class Interval:
     low: Floats
     high: Floats
 
+    def at(self, place: int | tuple[()] = ()) -> Estimate:
+        """The estimate of one metric, of the only one where arrays are ()."""
+        return Estimate(float(self.estimate[place]), float(self.low[place]), float(self.high[place]))
+
+
+@dataclass(frozen=True)
+class Resampling:
+    """What is drawn with replacement: the targets of one source set, or several sets and their targets."""
+
+    shared: bool = True  # whether several sets met the same targets; else each has its own
+    resamples: int = RESAMPLES
+
+    def samples(
+        self, sets: int, targets: int, rng: np.random.Generator
+    ) -> Iterator[Crossed] | Iterator[Nested]:
+        """Samples of so many sets and targets; none where there is one unit."""
+        if sets > 1 and not self.shared:
+            return resampling.nested(sets, targets, rng, self.resamples)
+        if targets < 2:
+            return iter(())
+        if sets == 1:
+            return resampling.of_targets(targets, rng, self.resamples)
+        return resampling.crossed(sets, targets, rng, self.resamples)
+
+    def interval(self, values: Floats, rng: np.random.Generator) -> Interval:
+        """Mean of `values` (R, T, M) over R source sets and T targets; conditional on the source set where R is 1."""
+        sets, targets, _ = values.shape
+        estimate = values.mean(axis=(0, 1))
+        means = [sample.means(values) for sample in self.samples(sets, targets, rng)]
+        return (
+            percentiles(estimate, np.concatenate(means), units(sets, targets)) if means else unknown(estimate)
+        )
+
 
 def over_targets(values: Floats, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
-    """Mean of `values` (T, M) over the targets, conditional on one source set.
-
-    For a paired difference pass the differences on the same targets. One target alone has no interval.
-    """
-    if len(values) < 2:
-        return unknown(values.mean(axis=0))
-    return _of_means(values[None], len(values), resampling.of_targets(len(values), rng, resamples))
-
-
-def pigeonhole(values: Floats, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
-    """Mean of `values` (R, T, M): R source sets that met the same T targets, both resampled independently."""
-    sets, targets, _ = values.shape
-    if sets < 2 or targets < 2:
-        return unknown(values.mean(axis=(0, 1)))
-    return _of_means(values, sets, resampling.crossed(sets, targets, rng, resamples))
-
-
-def nested(values: Floats, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
-    """Mean of `values` (R, T, M): R source sets with T targets of their own; sets, then targets in them."""
-    sets, targets, _ = values.shape
-    if sets < 2:
-        return unknown(values.mean(axis=(0, 1)))
-    return _of_means(values, sets, resampling.nested(sets, targets, rng, resamples))
+    """Mean of `values` (T, M) over the targets; for a paired difference pass the differences on the same targets."""
+    return Resampling(resamples=resamples).interval(values[None], rng)
 
 
 def percentiles(estimate: Floats, resampled: Floats, units: float = math.inf) -> Interval:
@@ -77,8 +98,3 @@ def unknown(estimate: Floats) -> Interval:
     return Interval(
         estimate=estimate, low=np.full_like(estimate, np.nan), high=np.full_like(estimate, np.nan)
     )
-
-
-def _of_means(values: Floats, units: int, samples: Iterable[Crossed] | Iterable[Nested]) -> Interval:
-    means = np.concatenate([sample.means(values) for sample in samples])
-    return percentiles(values.mean(axis=(0, 1)), means, units)

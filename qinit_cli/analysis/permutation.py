@@ -9,6 +9,7 @@ from qinit_cli.analysis.weighted_sums import weighted_sums
 from qinit_cli.arrays import Flags, Floats, Integers
 
 RESAMPLES = 10_000
+LEVEL = 0.05  # of all tests together
 
 _VALUES_AT_ONCE = 1_000_000  # of one block of sign patterns: what bounds the memory
 _ROUNDING = 1e-12  # sums of the same numbers in another order count as equal
@@ -36,19 +37,30 @@ def sign_flip_p(differences: Floats, rng: np.random.Generator, resamples: int = 
     return extreme / patterns if exact else (extreme + 1) / (patterns + 1)
 
 
+def paired_p(differences: Floats, rng: np.random.Generator) -> float:
+    """p of a mean difference of 0 from `differences` (R, T): targets flip where there is one source set, else whole sets."""
+    flipped = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
+    return float(sign_flip_p(flipped, rng)[0])
+
+
+def adjusted(p: Floats, units: Integers) -> Floats:
+    """Holm's p of M tests of so many units each, (M,); NaN where it could not come to LEVEL, whatever the differences."""
+    return np.where(can_be_small(units), holm(p), np.nan)
+
+
 def least_p(units: int, resamples: int = RESAMPLES) -> float:
     """The smallest p that `sign_flip_p` can give of so many units: 2 / 2^n, as both signs of all of them are as extreme."""
     return 2.0 / 2**units if 2**units <= resamples else 1.0 / (resamples + 1)
 
 
-def can_be_small(units: Integers, level: float) -> Flags:
-    """Whether each of M tests, of so many units (M,), could come to the level at all after Holm's correction, (M,)."""
-    return holm(np.array([least_p(int(each)) for each in units])) <= level
+def can_be_small(units: Integers) -> Flags:
+    """Whether each of M tests, of so many units (M,), could come to LEVEL at all after Holm's correction, (M,)."""
+    return holm(np.array([least_p(int(each)) for each in units])) <= LEVEL
 
 
-def fewest_units(tests: int, level: float) -> int:
-    """How many units each of so many tests needs to be able to come to the level after Holm's correction; 0 if none is enough."""
-    enough = (units for units in range(1, RESAMPLES.bit_length() + 1) if tests * least_p(units) <= level)
+def fewest_units(tests: int) -> int:
+    """How many units each of so many tests needs to be able to come to LEVEL after Holm's correction; 0 if none is enough."""
+    enough = (units for units in range(1, RESAMPLES.bit_length() + 1) if tests * least_p(units) <= LEVEL)
     return next(enough, 0)
 
 

@@ -20,6 +20,11 @@ RESAMPLES = 10_000
 _VALUES_AT_ONCE = 1_000_000  # of one block of resamples: what bounds the memory
 
 
+def units(sets: int, targets: int) -> int:
+    """How many units a number over source sets and targets has: the targets of one set, else the sets, the fewest."""
+    return targets if sets == 1 else sets
+
+
 @dataclass(frozen=True)
 class Crossed:
     """Samples of sets that share their targets, or of one set alone: its sets times its targets."""

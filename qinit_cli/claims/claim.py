@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from qinit_cli.analysis.intervals import FEW_SOURCE_SETS
 from qinit_cli.claims.evidence import Evidence
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import Setting
 from qinit_cli.claims.verdict import Answer, Detail, Verdict
 
@@ -33,18 +34,16 @@ class Finding:
 
     setting: Setting
     aspect: str  # what was looked at: a state, a pair of methods
-    value: float
-    low: float = math.nan  # of the 95 % interval
-    high: float = math.nan
-    sets: int = 0  # source sets; 0 where none is read
+    found: OverSets
     holds: bool | None = None  # None where it is told beside the claim, or too few sets could tell
 
     def detail(self) -> Detail:
         """The row of it."""
         value, low, high = (
-            number if math.isfinite(number) else None for number in (self.value, self.low, self.high)
+            number if math.isfinite(number) else None
+            for number in (self.found.value, self.found.low, self.found.high)
         )
-        return Detail(f"{self.setting.label}: {self.aspect}", value, low, high, self.sets, self.holds)
+        return Detail(f"{self.setting.label}: {self.aspect}", value, low, high, self.found.sets, self.holds)
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class Claim:
         return (
             finding.holds is not None
             and finding.setting.full
-            and (finding.sets == 0 or finding.sets >= self.sets)
+            and (finding.found.sets == 0 or finding.found.sets >= self.sets)
         )
 
     def _lacking(self, findings: Iterable[Finding]) -> list[Need]:
@@ -153,24 +152,26 @@ class Claim:
         finding = self._headline(findings)
         if finding is None:
             return "No number yet"
-        number = f"{finding.value:.{self.digits}f}"
-        if math.isfinite(finding.low):
-            number += f" [{finding.low:.{self.digits}f}, {finding.high:.{self.digits}f}]"
+        number = f"{finding.found.value:.{self.digits}f}"
+        if math.isfinite(finding.found.low):
+            number += f" [{finding.found.low:.{self.digits}f}, {finding.found.high:.{self.digits}f}]"
         return f"At {finding.setting.distribution}, {finding.aspect}: {number}"
 
     def _wanted(self, findings: Sequence[Finding], lacking: Sequence[Need]) -> str:
         """Which artefacts are lacking, and the command that makes them."""
         unsound = [
-            f for f in findings if _need(f) in lacking and (f.holds is not None or 0 < f.sets < self.sets)
+            f
+            for f in findings
+            if _need(f) in lacking and (f.holds is not None or 0 < f.found.sets < self.sets)
         ]
-        few = [finding for finding in unsound if 0 < finding.sets < self.sets]
+        few = [finding for finding in unsound if 0 < finding.found.sets < self.sets]
         absent = [need for need in lacking if need not in map(_need, unsound)]
         lacks = []
         if absent:
             there = {finding.setting.distribution for finding in findings}
             lacks.append(self._absent(absent, there))
         if few:
-            least = min(finding.sets for finding in few)
+            least = min(finding.found.sets for finding in few)
             where = _listed(finding.setting.distribution for finding in few)
             lacks.append(f"{self.sets} source sets where there {_are(least)} ({where})")
         if any(not finding.setting.full for finding in unsound):
@@ -205,7 +206,7 @@ class Claim:
         decides = (
             self._deciding(own) if answer != "not judged" else [f for f in own if _need(f) in self.needs]
         )
-        counted = [finding.sets for finding in decides if finding.sets]
+        counted = [finding.found.sets for finding in decides if finding.found.sets]
         return Verdict(
             claim=self.name,
             statement=self.statement,

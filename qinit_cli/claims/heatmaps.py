@@ -21,7 +21,7 @@ from qinit_cli.arrays import Floats
 from qinit_cli.claims import over_sets
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence, Maps
-from qinit_cli.claims.over_sets import Estimate
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import GRIDWORLD, VARIANCES, Setting, variance
 
 MAPPED = MEDIAN, UCOI, MAXQINIT = "logqinit-median", "ucoi", "maxqinit"
@@ -82,15 +82,15 @@ def _correlations(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
             np.array([rank_correlation(one.starts[method].ravel(), one.chances.ravel()) for one in sets])
         )
         follows = _least(found) >= FOLLOWS if method == MEDIAN else None
-        yield _finding(setting, f"{CORRELATION}, {method}", found, follows)
+        yield Finding(setting, f"{CORRELATION}, {method}", found, follows)
 
 
 def _widths(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
     widths = {method: np.array([half_peak(one.starts[method]) for one in sets]) for method in (MEDIAN, UCOI)}
     found = over_sets.mean(widths[UCOI] - widths[MEDIAN])
-    yield _finding(setting, WIDER, found, _least(found) > 0 if setting.distribution in HIGH else None)
+    yield Finding(setting, WIDER, found, _least(found) > 0 if setting.distribution in HIGH else None)
     for method, values in widths.items():
-        yield _finding(setting, f"share of states above half the peak, {method}", over_sets.mean(values))
+        yield Finding(setting, f"share of states above half the peak, {method}", over_sets.mean(values))
 
 
 def _maxima(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
@@ -99,11 +99,11 @@ def _maxima(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
         for method in (MEDIAN, UCOI, MAXQINIT)
     }
     found = over_sets.mean(counts[MAXQINIT] - counts[MEDIAN])
-    yield _finding(
+    yield Finding(
         setting, IRREGULAR, found, _least(found) > 0 if setting.distribution in VARIANCES[1:] else None
     )
     for method, values in counts.items():
-        yield _finding(setting, f"local maxima, {method}", over_sets.mean(values))
+        yield Finding(setting, f"local maxima, {method}", over_sets.mean(values))
 
 
 def _growing(evidence: Evidence) -> Iterator[Finding]:
@@ -128,16 +128,12 @@ def _growing(evidence: Evidence) -> Iterator[Finding]:
                 ]
             )
         )
-        yield _finding(together, GROWING, found, _least(found) > 0)
+        yield Finding(together, GROWING, found, _least(found) > 0)
 
 
-def _least(found: Estimate) -> float:
+def _least(found: OverSets) -> float:
     """The lower end of the interval; of a single source set its value."""
     return found.low if found.sets > 1 else found.value
-
-
-def _finding(setting: Setting, aspect: str, found: Estimate, holds: bool | None = None) -> Finding:
-    return Finding(setting, aspect, found.value, found.low, found.high, found.sets, holds)
 
 
 CLAIM = Claim(

@@ -20,7 +20,8 @@ from collections.abc import Iterator, Sequence
 
 from qinit_cli.claims.claim import RANK_SETS, Claim, Finding
 from qinit_cli.claims.evidence import Evidence
-from qinit_cli.claims.scores import Contrast, Pair, Scores
+from qinit_cli.claims.over_sets import OverSets
+from qinit_cli.claims.scores import Pair, Scores
 from qinit_cli.claims.setting import (
     ASKED_NOISES,
     GRIDWORLD,
@@ -64,7 +65,7 @@ def pair_findings(
     """
     for pairs, decides in ((deciding, True), (beside, False)):
         for pair, found in scores.contrasts(pairs).items():
-            yield _row(setting, minus(pair), found, found.above if decides and found.tested else None)
+            yield Finding(setting, minus(pair), found, found.above if decides and found.tested else None)
 
 
 def best(evidence: Evidence) -> Iterator[Finding]:
@@ -90,9 +91,9 @@ def third(evidence: Evidence) -> Iterator[Finding]:
             sets = min(found.sets for found in contrasts.values())
             decides = setting.distribution in CLAIMED and all(found.tested for found in contrasts.values())
             holds = best_rank == worst_rank == 3 if decides else None
-            yield Finding(setting, THIRD, rank, best_rank, worst_rank, sets, holds)
+            yield Finding(setting, THIRD, OverSets(rank, best_rank, worst_rank, sets), holds)
         for pair, found in contrasts.items():
-            yield _row(setting, minus(pair), found, None)
+            yield Finding(setting, minus(pair), found, None)
 
 
 def last(evidence: Evidence) -> Iterator[Finding]:
@@ -117,10 +118,6 @@ def _of(evidence: Evidence, family: str) -> Iterator[tuple[Setting, Scores]]:
     for setting, scores in evidence.scores.items():
         if setting.family == family:
             yield setting, scores
-
-
-def _row(setting: Setting, aspect: str, found: Contrast, holds: bool | None) -> Finding:
-    return Finding(setting, aspect, found.value, found.low, found.high, found.sets, holds)
 
 
 FIRST_AND_SECOND = [*against(MEDIAN, UCOI, MEAN, MAXQINIT, ZERO), *against(UCOI, MEAN, MAXQINIT, ZERO)]

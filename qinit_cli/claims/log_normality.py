@@ -19,6 +19,7 @@ from qinit_cli.arrays import Floats
 from qinit_cli.claims import over_sets
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import ASKED_NOISES, GRIDWORLD, MOUNTAIN_CAR, NOISES, Setting, variance
 from qinit_cli.elementary import ln
 
@@ -51,28 +52,21 @@ def _at(setting: Setting, place: str, samples: list[Floats], normal: bool, rows:
         yield Finding(
             setting,
             aspect(quantity, place),
-            rejected.value,
-            rejected.low,
-            rejected.high,
-            rejected.sets,
+            rejected,
             over_sets.beyond_chance(p, rows) != normal if decides else None,
         )
         statistic = over_sets.mean(tested[:, 0])
         yield Finding(
             setting,
             f"W of {quantity} at {place}",
-            statistic.value,
-            statistic.low,
-            statistic.high,
-            statistic.sets,
+            statistic,
         )
     pooled = np.sort(np.concatenate(samples))
     if pooled.size <= MOST_POOLED:
         yield Finding(
             setting,
             f"p of ln Q at {place}, all tasks pooled",
-            shapiro_wilk_of(ln(pooled))[1],
-            sets=len(samples),
+            OverSets(shapiro_wilk_of(ln(pooled))[1], sets=len(samples)),
         )
 
 

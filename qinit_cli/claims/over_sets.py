@@ -7,43 +7,41 @@ from dataclasses import dataclass
 import numpy as np
 
 from qinit_cli.analysis import intervals
+from qinit_cli.analysis.intervals import Estimate, over_targets
+from qinit_cli.analysis.permutation import LEVEL
 from qinit_cli.arrays import Floats
 from qinit_cli.seeding import Stream, generator
 
-LEVEL = 0.05  # of all tests
 _TAIL = (1 - intervals.LEVEL) / 2
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A number, its 95 % interval, and over how many source sets; bounds are NaN where there is one."""
+class OverSets(Estimate):
+    """An estimate, and over how many source sets."""
 
-    value: float
-    low: float
-    high: float
-    sets: int
+    sets: int = 0  # 0 where none is read
 
 
-def mean(values: Floats) -> Estimate:
+def mean(values: Floats) -> OverSets:
     """Mean of the known values of the source sets (R,), with its bootstrap interval over them."""
     known = values[np.isfinite(values)]
     if not known.size:
-        return Estimate(np.nan, np.nan, np.nan, 0)
-    found = intervals.over_targets(known[:, None], generator(0, Stream.BOOTSTRAP, 0))
-    return Estimate(float(found.estimate[0]), float(found.low[0]), float(found.high[0]), known.size)
+        return OverSets(np.nan)
+    found = over_targets(known[:, None], generator(0, Stream.BOOTSTRAP, 0)).at(0)
+    return OverSets(**vars(found), sets=known.size)
 
 
-def share_rejected(p: Floats) -> Estimate:
+def share_rejected(p: Floats) -> OverSets:
     """Share of the source sets, by their p (R,), that a test at 5 % rejects, with Clopper and Pearson's interval."""
     from scipy.special import betaincinv
 
     known = p[np.isfinite(p)]
     n, rejected = known.size, int((known <= LEVEL).sum())
     if not n:
-        return Estimate(np.nan, np.nan, np.nan, 0)
+        return OverSets(np.nan)
     low = float(betaincinv(rejected, n - rejected + 1, _TAIL)) if rejected else 0.0
     high = float(betaincinv(rejected + 1, n - rejected, 1 - _TAIL)) if rejected < n else 1.0
-    return Estimate(rejected / n, low, high, n)
+    return OverSets(rejected / n, low, high, n)
 
 
 def beyond_chance(p: Floats, rows: int) -> bool:

@@ -23,13 +23,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from qinit_cli.analysis import intervals, resampling
+from qinit_cli.analysis.intervals import Estimate
 from qinit_cli.analysis.length_sample import LengthSample
 from qinit_cli.analysis.multiplicity import benjamini_hochberg, benjamini_yekutieli
+from qinit_cli.analysis.permutation import LEVEL
 from qinit_cli.arrays import Flags, Floats
 from qinit_cli.claims import over_sets
 from qinit_cli.claims.claim import ENOUGH_SETS, Claim, Finding
 from qinit_cli.claims.evidence import Evidence, Lengths, LengthTests
-from qinit_cli.claims.over_sets import LEVEL, Estimate
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import (
     ASKED_NOISES,
     GRIDWORLD,
@@ -60,7 +62,7 @@ def everywhere(evidence: Evidence) -> Iterator[Finding]:
             )
             share = over_sets.mean(shares)
             within = not over_sets.above(shares, LEVEL, rows=len(VARIANCES) * len(regions))
-            yield _finding(setting, f"{REJECTED} {region}", share, within if share.sets else None)
+            yield Finding(setting, f"{REJECTED} {region}", share, within if share.sets else None)
         yield from _beside(setting, sets)
 
 
@@ -77,7 +79,7 @@ def _beside(setting: Setting, sets: Sequence[LengthTests]) -> Iterator[Finding]:
         "median |excess kurtosis|": [_median(np.abs(one.kurtosis)) for one in sets],
     }
     for aspect, values in told.items():
-        yield _finding(setting, aspect, over_sets.mean(np.array(values)))
+        yield Finding(setting, aspect, over_sets.mean(np.array(values)))
 
 
 def at_the_start(evidence: Evidence) -> Iterator[Finding]:
@@ -85,15 +87,15 @@ def at_the_start(evidence: Evidence) -> Iterator[Finding]:
     for setting, sets in _of_the_car(evidence):
         tests = np.array([_sample(one).rounded_normal(generator(0, Stream.BOOTSTRAP, 0)) for one in sets])
         rejected = over_sets.share_rejected(tests[:, 1])
-        yield _finding(
+        yield Finding(
             setting,
             AT_START,
             rejected,
             None if not rejected.sets else not over_sets.beyond_chance(tests[:, 1], rows=len(NOISES)),
         )
-        yield _finding(setting, "W at the start", over_sets.mean(tests[:, 0]))
+        yield Finding(setting, "W at the start", over_sets.mean(tests[:, 0]))
         never = np.array([one.never / (one.never + one.arrived.size) for one in sets])
-        yield _finding(setting, "share of tasks whose path never arrives", over_sets.mean(never))
+        yield Finding(setting, "share of tasks whose path never arrives", over_sets.mean(never))
     for setting, tested in evidence.tested.items():
         if setting.family == MOUNTAIN_CAR:
             yield from _beside(setting, tested)
@@ -108,8 +110,10 @@ def over_noise(evidence: Evidence) -> Iterator[Finding]:
             continue
         mean = over_sets.mean(np.array([own.mean() for own in lengths]))
         spread = np.array([own.var(ddof=1) for own in lengths])
-        yield _finding(setting, "mean steps", mean)
-        yield Finding(setting, "standard deviation of steps", float(np.sqrt(spread.mean())), sets=len(spread))
+        yield Finding(setting, "mean steps", mean)
+        yield Finding(
+            setting, "standard deviation of steps", OverSets(float(np.sqrt(spread.mean())), sets=len(spread))
+        )
         floor = _floor(levels, setting)
         if floor is not None and setting.level > 0:
             yield _mean_against(setting, np.array([own.mean() for own in lengths]), floor)
@@ -121,10 +125,11 @@ def over_noise(evidence: Evidence) -> Iterator[Finding]:
 def _mean_against(setting: Setting, means: Floats, floor: Floats) -> Finding:
     """The means of the source sets (R,) against tasks without noise (n,), which are one task learned anew."""
     own, other = _resampled(means, 0), _resampled(floor, 1)
-    found = intervals.percentiles(np.asarray(means.mean() - floor.mean()), own - other)
-    low, high = (float(found.low), float(found.high)) if len(means) > 1 else (np.nan, np.nan)
-    agrees = max(abs(low), abs(high)) < float(floor.std(ddof=1))
-    return Finding(setting, MEAN, float(found.estimate), low, high, len(means), agrees)
+    found = intervals.percentiles(np.asarray(means.mean() - floor.mean()), own - other).at()
+    if len(means) < 2:
+        found = Estimate(found.value)
+    agrees = max(abs(found.low), abs(found.high)) < float(floor.std(ddof=1))
+    return Finding(setting, MEAN, OverSets(**vars(found), sets=len(means)), agrees)
 
 
 def _spread_against(setting: Setting, variances: Floats, below: Floats) -> Finding:
@@ -132,9 +137,9 @@ def _spread_against(setting: Setting, variances: Floats, below: Floats) -> Findi
     ratio = float(np.sqrt(variances.mean() / below.mean()))
     sets = min(len(variances), len(below))
     if sets < 2:
-        return Finding(setting, SPREAD, ratio, sets=sets, holds=ratio > 1)
+        return Finding(setting, SPREAD, OverSets(ratio, sets=sets), ratio > 1)
     found = intervals.percentiles(np.asarray(ratio), np.sqrt(_resampled(variances, 0) / _resampled(below, 1)))
-    return Finding(setting, SPREAD, ratio, float(found.low), float(found.high), sets, bool(found.low > 1))
+    return Finding(setting, SPREAD, OverSets(**vars(found.at()), sets=sets), bool(found.low > 1))
 
 
 def _floor(levels: Mapping[Setting, Sequence[Lengths]], setting: Setting) -> Floats | None:
@@ -183,10 +188,6 @@ def _share(chosen: Flags, among: Floats) -> float:
 def _median(values: Floats) -> float:
     known = values[np.isfinite(values)]
     return float(np.median(known)) if known.size else np.nan
-
-
-def _finding(setting: Setting, aspect: str, found: Estimate, holds: bool | None = None) -> Finding:
-    return Finding(setting, aspect, found.value, found.low, found.high, found.sets, holds)
 
 
 GRIDWORLD_CLAIM = Claim(

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from qinit_cli.analysis.sample_size import tasks_for_one_target
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import GRIDWORLD, UNIFORM, VARIANCES, Setting
 
 STATED = 4754  # samples
@@ -30,12 +31,14 @@ def findings(evidence: Evidence) -> Iterator[Finding]:
     yield _needed(uniform, f"{NEEDED}, the start left out", 1 / (CELLS - 1))
     for delta in USUAL:
         yield Finding(
-            uniform, f"samples for chance of failure {delta:g}", tasks_for_one_target(1 / CELLS, delta)
+            uniform,
+            f"samples for chance of failure {delta:g}",
+            OverSets(tasks_for_one_target(1 / CELLS, delta)),
         )
         yield Finding(
             uniform,
             f"equally likely tasks that chance of failure {delta:g} takes {STATED} samples for",
-            _tasks(delta),
+            OverSets(_tasks(delta)),
         )
     for distribution, least in _least_chances().items():
         yield _needed(Setting(GRIDWORLD, distribution, float(distribution.split()[1])), NEEDED, least)
@@ -43,7 +46,7 @@ def findings(evidence: Evidence) -> Iterator[Finding]:
 
 def _needed(setting: Setting, aspect: str, p_min: float) -> Finding:
     derived = any(tasks_for_one_target(p_min, delta) == STATED for delta in USUAL)
-    return Finding(setting, aspect, (1 - p_min) ** STATED, holds=derived)
+    return Finding(setting, aspect, OverSets((1 - p_min) ** STATED), derived)
 
 
 def _tasks(delta: float) -> float:

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis import intervals
-from qinit_cli.analysis.multiplicity import holm
-from qinit_cli.analysis.permutation import can_be_small, sign_flip_p
+from qinit_cli.analysis.intervals import Estimate, Resampling
+from qinit_cli.analysis.permutation import LEVEL, adjusted, paired_p
+from qinit_cli.analysis.resampling import units
 from qinit_cli.arrays import Floats
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.seeding import Stream, generator
-
-LEVEL = 0.05  # of all tests
 
 Pair = tuple[str, str]  # of labels: the first minus the second
 
@@ -29,14 +28,10 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Contrast:
-    """The difference of two methods: its mean, 95 % interval, and p adjusted by Holm over all that was asked at once."""
+class Contrast(OverSets):
+    """The mean difference of two methods, and its p adjusted by Holm over all that was asked at once."""
 
-    value: float
-    low: float
-    high: float
-    p: float  # NaN where it could not come to LEVEL, however large the difference
-    sets: int  # source sets; 0 where neither method reads any
+    p: float = math.nan  # NaN where it could not come to LEVEL, however large the difference
 
     @property
     def tested(self) -> bool:
@@ -63,19 +58,16 @@ class Scores:
 
     def contrasts(self, pairs: Iterable[Pair]) -> dict[Pair, Contrast]:
         """The contrasts of those pairs that are both there and met; Holm's correction is over them."""
-        found = {pair: self._differences(*pair) for pair in pairs}
-        differences = {pair: values for pair, values in found.items() if values is not None}
+        paired = {pair: self._differences(*pair) for pair in pairs}
+        differences = {pair: values for pair, values in paired.items() if values is not None}
         if not differences:
             return {}
-        raw = np.array([_p(values) for values in differences.values()])
-        units = np.array(
-            [values.shape[1] if len(values) == 1 else len(values) for values in differences.values()]
-        )
-        adjusted = np.where(can_be_small(units, LEVEL), holm(raw), np.nan)
-        bounds = self._bounds(differences)
+        raw = np.array([paired_p(values, _rng()) for values in differences.values()])
+        told = adjusted(raw, np.array([units(*values.shape) for values in differences.values()]))
+        found = self._estimates(differences)
         return {
-            pair: Contrast(*bounds[pair], p=float(p), sets=self._sets(pair, values))
-            for (pair, values), p in zip(differences.items(), adjusted, strict=True)
+            pair: Contrast(**vars(found[pair]), sets=self._sets(pair, values), p=p)
+            for (pair, values), p in zip(differences.items(), told.tolist(), strict=True)
         }
 
     def mean(self, label: str) -> float:
@@ -97,26 +89,14 @@ class Scores:
     def _sets(self, pair: Pair, values: Floats) -> int:
         return len(values) if any(self.arms[label].reads_sources for label in pair) else 0
 
-    def _bounds(self, differences: Mapping[Pair, Floats]) -> dict[Pair, tuple[float, float, float]]:
+    def _estimates(self, differences: Mapping[Pair, Floats]) -> dict[Pair, Estimate]:
         """Mean and interval of each, those of one shape resampled together."""
-        bounds: dict[Pair, tuple[float, float, float]] = {}
+        found: dict[Pair, Estimate] = {}
         for shape in {values.shape for values in differences.values()}:
             alike = {pair: values for pair, values in differences.items() if values.shape == shape}
-            interval = self._interval(np.stack(list(alike.values()), axis=2))
-            for at, pair in enumerate(alike):
-                bounds[pair] = (
-                    float(interval.estimate[at]),
-                    float(interval.low[at]),
-                    float(interval.high[at]),
-                )
-        return bounds
-
-    def _interval(self, values: Floats) -> intervals.Interval:
-        """Of the means of values (R, T, M): over targets for one source set, else over sets and targets."""
-        chance = generator(0, Stream.BOOTSTRAP, 0)
-        if len(values) == 1:
-            return intervals.over_targets(values[0], chance)
-        return intervals.pigeonhole(values, chance) if self.shared else intervals.nested(values, chance)
+            interval = Resampling(self.shared).interval(np.stack(list(alike.values()), axis=2), _rng())
+            found |= {pair: interval.at(at) for at, pair in enumerate(alike)}
+        return found
 
 
 def _beside(place: tuple[str, str], other: Arm) -> int | None:
@@ -128,7 +108,5 @@ def _beside(place: tuple[str, str], other: Arm) -> int | None:
     return next((row for row, met in enumerate(other.places) if met[0] == place[0]), None)
 
 
-def _p(differences: Floats) -> float:
-    """Sign-flip p of differences (R, T): targets flip where there is one source set, else whole sets do."""
-    units = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
-    return float(sign_flip_p(units, generator(0, Stream.BOOTSTRAP, 0))[0])
+def _rng() -> np.random.Generator:
+    return generator(0, Stream.BOOTSTRAP, 0)

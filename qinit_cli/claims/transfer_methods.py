@@ -83,9 +83,9 @@ def nothing(evidence: Evidence) -> Iterator[Finding]:
         gain = contrasts.pop((MEDIAN, ZERO), None)
         for pair, found in contrasts.items():
             holds = None if gain is None else found.high < NOTHING * gain.value
-            yield Finding(setting, minus(pair), found.value, found.low, found.high, found.sets, holds)
+            yield Finding(setting, minus(pair), found, holds)
         if gain is not None:
-            yield Finding(setting, minus((MEDIAN, ZERO)), gain.value, gain.low, gain.high, gain.sets)
+            yield Finding(setting, minus((MEDIAN, ZERO)), gain)
 
 
 _ALL = ", ".join(["ptrs", "drs", "ops-tl", "ops-tl --rho 1", "ops-tl --rho 1 --nu 1"])

@@ -247,7 +247,7 @@ def _print(choice: Choice, made: Made, tabular: Tabular, display: Display) -> No
         "digest": made.digest,
         "method": choice.method,
         "choice": choice.chosen.parameters,
-        "worth": {"difference": worth.difference, "low": worth.low, "high": worth.high},
+        "worth": {"difference": worth.value, "low": worth.low, "high": worth.high},
         "edges": choice.edges,
     }
     rows = [_for_people(one) if tabular.chosen == "table" else row(one) for one in choice.candidates]
@@ -258,12 +258,12 @@ def row(one: Candidate) -> dict[str, Any]:
     """A candidate's parameters, average and difference with their bounds, and whether it is the default or chosen."""
     return {
         **one.parameters,
-        "average": one.average,
-        "average_low": one.low,
-        "average_high": one.high,
-        "difference": one.difference,
-        "difference_low": one.difference_low,
-        "difference_high": one.difference_high,
+        "average": one.average.value,
+        "average_low": one.average.low,
+        "average_high": one.average.high,
+        "difference": one.difference.value,
+        "difference_low": one.difference.low,
+        "difference_high": one.difference.high,
         "default": one.default,
         "chosen": one.chosen,
     }
@@ -287,9 +287,9 @@ def sentences(choice: Choice, path: Path) -> list[str]:
     if best.default:
         found = f"the default, {told}, is the best of {len(choice.candidates)}"
     else:
-        unsure = "" if best.difference_low > 0 else ", from which it cannot be told"
+        unsure = "" if best.difference.low > 0 else ", from which it cannot be told"
         found = (
-            f"{told} is chosen, {best.difference:+.4f} [{best.difference_low:.4f}, {best.difference_high:.4f}] "
+            f"{told} is chosen, {best.difference.value:+.4f} [{best.difference.low:.4f}, {best.difference.high:.4f}] "
             f"to the default{unsure}"
         )
     edges = [
@@ -299,7 +299,7 @@ def sentences(choice: Choice, path: Path) -> list[str]:
     ]
     return [
         f"{choice.method}: {found}; {shell_line('qinit', 'transfer', choice.method, 'FIT', '--tuned', path)} takes it",
-        f"chosen by four folds and judged by the fifth, a choice is worth {worth.difference:+.4f} "
+        f"chosen by four folds and judged by the fifth, a choice is worth {worth.value:+.4f} "
         f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
         *edges,
     ]

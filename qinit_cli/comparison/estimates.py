@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from qinit_cli.analysis import resampling
 from qinit_cli.analysis.aggregate import improvements, interquartile_mean, resampled_interquartile_means
-from qinit_cli.analysis.intervals import percentiles, tails
-from qinit_cli.analysis.permutation import sign_flip_p
-from qinit_cli.analysis.resampling import RESAMPLES, Crossed, Nested
+from qinit_cli.analysis.intervals import Estimate, Resampling, percentiles, tails
+from qinit_cli.analysis.permutation import paired_p
+from qinit_cli.analysis.resampling import units
 from qinit_cli.analysis.survival import kaplan_meier, resampled_medians
 from qinit_cli.analysis.transfer_ratio import transfer_ratio
 from qinit_cli.arrays import Flags, Floats, Integers
@@ -20,15 +19,6 @@ from qinit_cli.seeding import Stream, generator
 
 # of what is counted through in order, which costs more: the ends of an interval move by 2 % of its width
 RANK_RESAMPLES = 2_000
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number and its 95 % interval; NaN bounds where there is one unit only."""
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -58,37 +48,21 @@ class Estimates:
     threshold: Threshold | None  # None likewise, and of greedy evaluations
 
 
-@dataclass(frozen=True)
-class Chance:
-    """How samples are drawn: from one stream for each method, so that all meet the same."""
-
-    shared: bool  # whether several source sets met the same targets
-    seed: int
-    resamples: int = RESAMPLES
-
-    def samples(self, sets: int, targets: int) -> Iterator[Crossed] | Iterator[Nested]:
-        """Samples of so many sets and targets; nothing of one alone."""
-        if sets > 1 and not self.shared:
-            return resampling.nested(sets, targets, self.stream(), self.resamples)
-        if targets < 2:
-            return iter(())
-        if sets == 1:
-            return resampling.of_targets(targets, self.stream(), self.resamples)
-        return resampling.crossed(sets, targets, self.stream(), self.resamples)
-
-    def stream(self) -> np.random.Generator:
-        """The stream, from its beginning."""
-        return generator(self.seed, Stream.BOOTSTRAP, 0)
-
-
 def estimates(
-    own: Sequence[Scores], baseline: Sequence[Scores] | None, metric: Metric, chance: Chance
+    own: Sequence[Scores],
+    baseline: Sequence[Scores] | None,
+    metric: Metric,
+    resampling: Resampling,
+    seed: int,
 ) -> Estimates:
-    """The numbers of R runs of one method, and beside the `baseline`'s runs of the same targets and source sets."""
+    """The numbers of R runs of one method, and beside the `baseline`'s runs of the same targets and source sets.
+
+    Every method is resampled by one stream of the `seed`, from its beginning, so that all meet the same samples.
+    """
     tables = _tables(own, baseline)
     arrivals = [scores.arrival for scores in own if scores.arrival is not None]
-    better = None if baseline is None else _better(own, baseline, metric, chance)
-    drawn = _drawn(tables, arrivals, better, chance)
+    better = None if baseline is None else _better(own, baseline, metric, resampling)
+    drawn = _drawn(tables, arrivals, better, resampling, seed)
     means = {name: drawn.estimate(table.mean(), drawn.means[name]) for name, table in tables.items()}
     return Estimates(
         average=means["average"],
@@ -98,7 +72,7 @@ def estimates(
         steps=float(np.mean([scores.steps for scores in own])),
         success=float(np.mean([scores.success for scores in own])),
         difference=means.get("difference"),
-        p=_p(tables["difference"], chance) if "difference" in tables else None,
+        p=paired_p(tables["difference"], _rng(seed)) if "difference" in tables else None,
         ratio=drawn.ratio(tables) if "baseline" in tables else None,
         improvement=None if better is None else drawn.estimate(better.mean(), drawn.improvements),
         regret=means.get("regret"),
@@ -119,14 +93,13 @@ class _Drawn:
     def estimate(self, value: float, resampled: Floats) -> Estimate:
         """A number and the interval of its resampled values."""
         if not len(resampled):
-            return Estimate(float(value), np.nan, np.nan)
-        interval = percentiles(np.asarray(value), resampled, self.units)
-        return Estimate(float(value), float(interval.low), float(interval.high))
+            return Estimate(float(value))
+        return percentiles(np.asarray(value), resampled, self.units).at()
 
     def median(self, value: float) -> Estimate:
         """The same of a median, without interpolation: some of the resampled are infinite."""
         if not len(self.medians):
-            return Estimate(value, np.nan, np.nan)
+            return Estimate(value)
         ordered = np.sort(self.medians)
         low, high = (ordered[round(tail * (len(ordered) - 1))] for tail in tails(self.units))
         return Estimate(value, float(low), float(high))
@@ -137,9 +110,7 @@ class _Drawn:
             return None
         mean, baseline = float(tables["average"].mean()), float(tables["baseline"].mean())
         found = transfer_ratio(mean, baseline, self.means["average"], self.means["baseline"], self.units)
-        if np.isnan(found.estimate):
-            return None
-        return Estimate(float(found.estimate), float(found.low), float(found.high))
+        return None if np.isnan(found.estimate) else found.at()
 
 
 def _tables(own: Sequence[Scores], baseline: Sequence[Scores] | None) -> dict[str, Floats]:
@@ -161,7 +132,9 @@ def _tables(own: Sequence[Scores], baseline: Sequence[Scores] | None) -> dict[st
     return tables
 
 
-def _better(own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, chance: Chance) -> Floats:
+def _better(
+    own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, resampling: Resampling
+) -> Floats:
     """On which targets the method beats the baseline: (R, R, T) over all pairs of runs, as rliable has it.
 
     (1, R, T), in pairs of one source set, where each set met targets of its own: those of two sets are no pair.
@@ -169,16 +142,23 @@ def _better(own: Sequence[Scores], baseline: Sequence[Scores], metric: Metric, c
     method, other = (np.stack([scores.average for scores in runs]) for runs in (own, baseline))
     if metric == "steps":  # the fewer the better
         method, other = -method, -other
-    return improvements(method[:, None], other[None]) if chance.shared else improvements(method, other)[None]
+    return (
+        improvements(method[:, None], other[None]) if resampling.shared else improvements(method, other)[None]
+    )
 
 
 def _drawn(
-    tables: dict[str, Floats], arrivals: Sequence[Arrival], better: Floats | None, chance: Chance
+    tables: dict[str, Floats],
+    arrivals: Sequence[Arrival],
+    better: Floats | None,
+    resampling: Resampling,
+    seed: int,
 ) -> _Drawn:
     stacked = np.stack(list(tables.values()), axis=2)
     means, iqms, medians, improved = [stacked[:0, 0]], [np.empty(0)], [np.empty(0)], [np.empty(0)]
     ranked = 0
-    for sample in chance.samples(*stacked.shape[:2]):
+    sets, targets = stacked.shape[:2]
+    for sample in resampling.samples(sets, targets, _rng(seed)):
         means.append(sample.means(stacked))
         if better is not None:
             improved.append(sample.pair_means(better))
@@ -190,9 +170,8 @@ def _drawn(
                 times, reached = _joined(arrivals)
                 medians.append(resampled_medians(times, reached, counts))
     by_table = np.concatenate(means).T
-    sets, targets = stacked.shape[:2]
     return _Drawn(
-        sets if sets > 1 else targets,
+        units(sets, targets),
         dict(zip(tables, by_table, strict=True)),
         np.concatenate(iqms),
         np.concatenate(medians),
@@ -214,7 +193,5 @@ def _threshold(arrivals: Sequence[Arrival], restricted_mean: Estimate, drawn: _D
     return Threshold(drawn.median(found.median), restricted_mean, found.censored)
 
 
-def _p(differences: Floats, chance: Chance) -> float:
-    """Sign-flip p of differences (R, T): targets flip where there is one source set, else whole sets do."""
-    units = differences.T if len(differences) == 1 else differences.mean(axis=1, keepdims=True)
-    return float(sign_flip_p(units, chance.stream())[0])
+def _rng(seed: int) -> np.random.Generator:
+    return generator(seed, Stream.BOOTSTRAP, 0)

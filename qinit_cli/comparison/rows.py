@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from qinit_cli.analysis.permutation import can_be_small, fewest_units
+import numpy as np
+
+from qinit_cli.analysis import resampling
+from qinit_cli.analysis.intervals import Estimate, Resampling
+from qinit_cli.analysis.permutation import LEVEL, adjusted, can_be_small, fewest_units
 from qinit_cli.comparison.distinctions import OF_SOURCES, Words, joined, separator, with_words
-from qinit_cli.comparison.estimates import Chance, Estimate, Estimates, estimates
+from qinit_cli.comparison.estimates import Estimates, estimates
 from qinit_cli.comparison.runs import Run
 from qinit_cli.comparison.scores import Metric, Scores, attainable, scores
 from qinit_cli.comparison.source_sets import Entry, Group, grouped, told_of_groups
@@ -21,8 +25,6 @@ from qinit_store.wording import noun
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
-
-LEVEL = 0.05  # a p that cannot reach it is left out
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,7 @@ def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Comp
         for entry in group.entries
         for run in entry.runs
     }
-    chance = Chance(group.shared, int(group.any_run.spec["seed"]))
-    rows = [_row(entry, None if entry is base else base, metric, scored, chance) for entry in group.entries]
+    rows = [_row(entry, None if entry is base else base, metric, scored, group) for entry in group.entries]
     targets, episodes = group.any_run.steps.shape
     return Comparison(
         title=title,
@@ -187,7 +188,7 @@ def _baseline(group: Group, baseline: str) -> Entry | None:
     return meant[0] if meant else None
 
 
-def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Scores], chance: Chance) -> Row:
+def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Scores], group: Group) -> Row:
     paired = [base.beside(run) for run in entry.runs] if base is not None else []
     others = [other for other in paired if other is not None]
     whole = bool(others) and len(others) == len(entry.runs)
@@ -195,7 +196,8 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
         [scored[run.name] for run in entry.runs],
         [scored[other.name] for other in others] if whole else None,
         metric,
-        chance,
+        Resampling(group.shared),
+        int(group.any_run.spec["seed"]),
     )
     return Row(
         **vars(found),
@@ -219,28 +221,21 @@ def _worse(difference: Estimate | None, metric: Metric) -> bool | None:
 
 def _holm(rows: list[Row], targets: int) -> tuple[Row, ...]:
     """The rows with their p adjusted for how many there are; None where it could not come to LEVEL whatever the differences."""
-    import numpy as np
-
-    from qinit_cli.analysis.multiplicity import holm
-
     tested = [row for row in rows if row.p is not None]
-    adjusted = holm(np.array([row.p for row in tested], np.float64))
-    small = can_be_small(_units(tested, targets), LEVEL)
-    told = iter([float(p) if can else None for p, can in zip(adjusted, small, strict=True)])
+    found = adjusted(np.array([row.p for row in tested], np.float64), _units(tested, targets))
+    told = iter([None if math.isnan(p) else p for p in found.tolist()])
     return tuple(row if row.p is None else replace(row, p=next(told)) for row in rows)
 
 
 def _untested(rows: list[Row], targets: int) -> str:
     """Why some rows have no p: how many units the sign-flip test would need."""
     tested = [row for row in rows if row.p is not None]
-    short = [
-        row for row, can in zip(tested, can_be_small(_units(tested, targets), LEVEL), strict=True) if not can
-    ]
+    short = [row for row, can in zip(tested, can_be_small(_units(tested, targets)), strict=True) if not can]
     if not short:
         return ""
     of = "targets" if all(row.sets == 1 for row in short) else "source sets"
     there = f"{len(tested)} method{'s' if tested[1:] else ''}"
-    fewest = fewest_units(len(tested), LEVEL)
+    fewest = fewest_units(len(tested))
     if not fewest:
         return f"p: over {there} no number of {of} lets the sign-flip test reach {LEVEL:g}"
     return f"p: at least {fewest} {of} are needed for the sign-flip test over {there} to reach {LEVEL:g}"
@@ -248,6 +243,4 @@ def _untested(rows: list[Row], targets: int) -> str:
 
 def _units(rows: list[Row], targets: int) -> Integers:
     """What the test of each row flips the signs of, (M,): the targets of one source set, else whole sets."""
-    import numpy as np
-
-    return np.array([targets if row.sets == 1 else row.sets for row in rows], np.int64)
+    return np.array([resampling.units(row.sets, targets) for row in rows], np.int64)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.estimates import Estimate
+    from qinit_cli.analysis.intervals import Estimate
     from qinit_cli.comparison.rows import Comparison, Row
 
 
@@ -47,7 +47,7 @@ def _values(row: Row, metric: str) -> dict[str, Any]:
 
 
 def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:
-    numbers = (math.nan,) * 3 if estimate is None else (estimate.mean, estimate.low, estimate.high)
+    numbers = (math.nan,) * 3 if estimate is None else (estimate.value, estimate.low, estimate.high)
     names = (key, f"{key}_low", f"{key}_high")
     return {
         name: number if math.isfinite(number) else None for name, number in zip(names, numbers, strict=True)

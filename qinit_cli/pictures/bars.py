@@ -12,7 +12,7 @@ from qinit_cli.pictures.order import KINDS, of_kind, ordered
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.estimates import Estimate
+    from qinit_cli.analysis.intervals import Estimate
     from qinit_cli.comparison.rows import Comparison, Row
     from qinit_cli.comparison.runs import Run
     from qinit_cli.comparison.scores import Metric
@@ -105,6 +105,6 @@ def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
     for label, of_group in heights.items():
         bounds = np.full((3, len(comparisons)), np.nan)
         for at, height in of_group.items():
-            bounds[:, at] = height.mean, height.low, height.high
+            bounds[:, at] = height.value, height.low, height.high
         series.append(Bars(label, Interval(*bounds), of[label].method, of[label].plus))
     return series

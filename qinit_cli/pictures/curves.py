@@ -131,11 +131,8 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: st
 
 def _band(values: Floats, group: Group) -> Interval:
     """The mean of values (R, T, P) over source sets and targets at each point, resampled as `qinit compare` does."""
-    from qinit_cli.analysis import intervals
+    from qinit_cli.analysis.intervals import Resampling
     from qinit_cli.seeding import Stream, generator
 
-    chance = generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)
-    if len(values) == 1:
-        return intervals.over_targets(values[0], chance, BAND_RESAMPLES)
-    over = intervals.pigeonhole if group.shared else intervals.nested
-    return over(values, chance, BAND_RESAMPLES)
+    rng = generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)
+    return Resampling(group.shared, BAND_RESAMPLES).interval(values, rng)

@@ -33,7 +33,7 @@ def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn
     lines, panels = others[:1], others[1:]
     values = _values(choice, along)
     shown = _panels(choice, along, lines, panels)
-    own = f"{choice.label}: the default returns {number(choice.default.average)}"
+    own = f"{choice.label}: the default returns {number(choice.default.average.value)}"
     with house_style():
         figure = drawing.tuning(
             shown,
@@ -84,9 +84,9 @@ def _line(label: str, found: Sequence[Candidate], along: str, places: dict[float
         label=label,
         at=np.array([places[one.parameters[along]] for one in found]),
         gain=Interval(
-            estimate=np.array([one.difference for one in found]),
-            low=np.array([one.difference_low for one in found]),
-            high=np.array([one.difference_high for one in found]),
+            estimate=np.array([one.difference.value for one in found]),
+            low=np.array([one.difference.low for one in found]),
+            high=np.array([one.difference.high for one in found]),
         ),
         default=np.array([one.default for one in found]),
         chosen=np.array([one.chosen for one in found]),
@@ -100,19 +100,20 @@ def _told(value: float) -> str:
 
 def _alt(choice: Choice) -> str:
     """The default, the best and the worst, and what choosing is worth on sources that did not choose."""
-    ranked = sorted(choice.candidates, key=lambda one: -one.difference)
+    ranked = sorted(choice.candidates, key=lambda one: -one.difference.value)
     default, worth = choice.default, choice.worth
     best = "the default is the best" if choice.chosen.default else f"the best is {_said(choice.chosen)}"
     return (
         f"Return of {choice.label} on {choice.sources} of its sources under {len(ranked)} choices of parameters, minus that of "
-        f"the default ({_named(default)}), {number(default.average)}: {best}, the least {_said(ranked[-1])}. "
-        f"Chosen by four folds and judged by the fifth, a choice is worth {number(worth.difference)}, from "
+        f"the default ({_named(default)}), {number(default.average.value)}: {best}, the least {_said(ranked[-1])}. "
+        f"Chosen by four folds and judged by the fifth, a choice is worth {number(worth.value)}, from "
         f"{number(worth.low)} to {number(worth.high)}."
     )
 
 
 def _said(one: Candidate) -> str:
-    return f"{_named(one)} with {number(one.difference)}, from {number(one.difference_low)} to {number(one.difference_high)}"
+    gained = one.difference
+    return f"{_named(one)} with {number(gained.value)}, from {number(gained.low)} to {number(gained.high)}"
 
 
 def _named(one: Candidate) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 import numpy as np
 
-from qinit_cli.analysis import intervals
+from qinit_cli.analysis.intervals import Estimate, over_targets
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.environments import Family, family_of, label_of
 from qinit_cli.errors import NotAllowed, UsageError
@@ -49,12 +49,8 @@ class Candidate:
     """How one choice of parameters fared, with 95 % intervals over sources."""
 
     parameters: dict[str, float]
-    average: float
-    low: float
-    high: float
-    difference: float  # to the method as it is by default, on the same sources
-    difference_low: float
-    difference_high: float
+    average: Estimate
+    difference: Estimate  # to the method as it is by default, on the same sources
     default: bool
     chosen: bool
 
@@ -62,20 +58,15 @@ class Candidate:
 def judged(average: Floats, parameters: dict[str, Floats], seed: int) -> list[Candidate]:
     """The candidates by their parameters: `average` (N, C), the default first, NaN for sources that were not tried, (C,) each."""
     tried = average[~np.isnan(average).any(axis=1)]
-    chance = generator(seed, Stream.BOOTSTRAP, 0)
-    found = intervals.over_targets(np.concatenate([tried, tried - tried[:, :1]], axis=1), chance)
+    rng = generator(seed, Stream.BOOTSTRAP, 0)
+    found = over_targets(np.concatenate([tried, tried - tried[:, :1]], axis=1), rng)
     count = average.shape[1]
     best = int(np.argmax(found.estimate[:count]))  # the first of equals: the default, if it is among them
-    low, high = found.low.tolist(), found.high.tolist()
     told = [
         Candidate(
             parameters={name: float(column[place]) for name, column in parameters.items()},
-            average=float(found.estimate[place]),
-            low=low[place],
-            high=high[place],
-            difference=float(found.estimate[count + place]),
-            difference_low=low[count + place],
-            difference_high=high[count + place],
+            average=found.at(place),
+            difference=found.at(count + place),
             default=place == 0,
             chosen=place == best,
         )
@@ -92,7 +83,7 @@ class Choice:
     label: str  # of the method and the distribution
     sources: int  # that were tried
     candidates: list[Candidate]  # by their parameters
-    worth: Worth  # of choosing
+    worth: Estimate  # what choosing gains on sources that had no part in the choice, to the default
     # the parameters of the chosen one beyond which nothing was tried, though there is more
     edges: dict[str, End]
 
@@ -129,16 +120,7 @@ class Choice:
         return next(one for one in self.candidates if one.default)
 
 
-@dataclass(frozen=True)
-class Worth:
-    """What choosing gains on sources that had no part in the choice, to the default, with its 95 % interval over sources."""
-
-    difference: float
-    low: float
-    high: float
-
-
-def worth(average: Floats, seed: int) -> Worth:
+def worth(average: Floats, seed: int) -> Estimate:
     """The gain over the default of what the other folds' sources choose, (N, C) as for `judged`, judged by each fold's own."""
     tried = average[~np.isnan(average).any(axis=1)]
     gained = np.zeros(len(tried))
@@ -147,8 +129,7 @@ def worth(average: Floats, seed: int) -> Worth:
         own = fold == number
         best = int(np.argmax(tried[~own].mean(axis=0)))
         gained[own] = tried[own, best] - tried[own, 0]
-    found = intervals.over_targets(gained[:, None], generator(seed, Stream.BOOTSTRAP, 0))
-    return Worth(*(float(each[0]) for each in (found.estimate, found.low, found.high)))
+    return over_targets(gained[:, None], generator(seed, Stream.BOOTSTRAP, 0)).at(0)
 
 
 def edges(

@@ -7,7 +7,9 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis import resampling
-from qinit_cli.analysis.intervals import Interval, nested, over_targets, pigeonhole, tails
+from qinit_cli.analysis.intervals import Resampling, over_targets, tails
+
+SHARED, OWN = Resampling(shared=True), Resampling(shared=False)
 
 
 def skewed(targets: int, seed: int = 0) -> np.ndarray:
@@ -77,13 +79,21 @@ def test_what_cannot_be_resampled_has_an_estimate_but_no_interval() -> None:
     rng = np.random.default_rng(0)
     unknown = [
         over_targets(np.array([[2.0]]), rng),
-        pigeonhole(np.full((1, 5, 1), 2.0), rng),
-        pigeonhole(np.full((5, 1, 1), 2.0), rng),
-        nested(np.full((1, 5, 1), 2.0), rng),
+        SHARED.interval(np.full((1, 1, 1), 2.0), rng),
+        SHARED.interval(np.full((5, 1, 1), 2.0), rng),
+        OWN.interval(np.full((1, 1, 1), 2.0), rng),
     ]
     for interval in unknown:
         assert interval.estimate[0] == 2
         assert np.isnan([interval.low[0], interval.high[0]]).all()
+
+
+def test_of_one_source_set_targets_are_resampled_whoever_shares_them() -> None:
+    values = skewed(12)
+    alone = over_targets(values, np.random.default_rng(5))
+    for rule in (SHARED, OWN):
+        found = rule.interval(values[None], np.random.default_rng(5))
+        np.testing.assert_array_equal([found.low, found.high], [alone.low, alone.high])
 
 
 def test_a_plain_loop_over_sets_and_targets_gives_the_same_spread() -> None:
@@ -94,7 +104,7 @@ def test_a_plain_loop_over_sets_and_targets_gives_the_same_spread() -> None:
         sets = rng.integers(0, 6, 6)
         crossed.append(values[np.ix_(sets, rng.integers(0, 9, 9))].mean())
         within.append(np.mean([values[s, rng.integers(0, 9, 9)].mean() for s in sets]))
-    for found, loop in ((pigeonhole(values, rng), crossed), (nested(values, rng), within)):
+    for found, loop in ((SHARED.interval(values, rng), crossed), (OWN.interval(values, rng), within)):
         np.testing.assert_allclose(
             [found.low[0], found.high[0]], np.quantile(loop, tails(6)), atol=0.15 * np.std(loop)
         )
@@ -104,7 +114,7 @@ def test_between_source_sets_the_interval_is_wider_than_within_one() -> None:
     rng = np.random.default_rng(4)
     values = rng.normal(0, 3, (10, 1, 1)) + rng.normal(0, 1, (10, 100, 1))
     conditional = over_targets(values.mean(axis=0), rng)
-    for several in (pigeonhole(values, rng), nested(values, rng)):
+    for several in (SHARED.interval(values, rng), OWN.interval(values, rng)):
         assert several.high[0] - several.low[0] > 5 * (conditional.high[0] - conditional.low[0])
 
 
@@ -123,14 +133,12 @@ def own_targets(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("interval", "draw"), [(pigeonhole, crossed_sets), (nested, own_targets)])
-def test_intervals_over_twenty_source_sets_cover_as_they_say(
-    interval: Callable[..., Interval], draw: Draw
-) -> None:
+@pytest.mark.parametrize(("shared", "draw"), [(True, crossed_sets), (False, own_targets)])
+def test_intervals_over_twenty_source_sets_cover_as_they_say(shared: bool, draw: Draw) -> None:
     rng = np.random.default_rng(11)
     experiments = 4000
     covered = 0
     for _ in range(experiments):
-        found = interval(draw(rng), rng, resamples=600)
+        found = Resampling(shared, 600).interval(draw(rng), rng)
         covered += int(found.low[0] <= 0 <= found.high[0])
     assert 0.93 <= covered / experiments <= 0.97

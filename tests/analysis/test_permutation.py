@@ -5,7 +5,14 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis import permutation
-from qinit_cli.analysis.permutation import can_be_small, fewest_units, least_p, sign_flip_p
+from qinit_cli.analysis.permutation import (
+    adjusted,
+    can_be_small,
+    fewest_units,
+    least_p,
+    paired_p,
+    sign_flip_p,
+)
 
 
 @pytest.mark.parametrize("at_once", [1_000_000, 100])
@@ -58,12 +65,25 @@ def test_the_least_p_is_what_the_test_gives_where_all_differences_are_alike() ->
 
 
 def test_enough_units_are_those_that_holm_lets_come_to_the_level() -> None:
-    assert fewest_units(1, 0.05) == 6  # 2/64; of five units 2/32 is above
-    assert fewest_units(4, 0.05) == 8  # 4 * 2/256; of seven 4 * 2/128 is above
-    assert fewest_units(500, 0.05) == 14  # 500/10,001
-    assert fewest_units(501, 0.05) == 0
-    assert can_be_small(np.array([8] * 4), 0.05).all()
-    assert not can_be_small(np.array([7] * 4), 0.05).any()
+    assert fewest_units(1) == 6  # 2/64; of five units 2/32 is above
+    assert fewest_units(4) == 8  # 4 * 2/256; of seven 4 * 2/128 is above
+    assert fewest_units(500) == 14  # 500/10,001
+    assert fewest_units(501) == 0
+    assert can_be_small(np.array([8] * 4)).all()
+    assert not can_be_small(np.array([7] * 4)).any()
     # five units of 1 test that comes last by Holm: 2/32 itself is above; six come to it behind the others
-    assert can_be_small(np.array([14, 14, 6, 5]), 0.05).tolist() == [True, True, False, False]
-    assert can_be_small(np.array([14, 14, 6]), 0.05).tolist() == [True, True, True]
+    assert can_be_small(np.array([14, 14, 6, 5])).tolist() == [True, True, False, False]
+    assert can_be_small(np.array([14, 14, 6])).tolist() == [True, True, True]
+
+
+def test_a_p_that_could_not_be_small_is_none() -> None:
+    p = np.array([0.001, 0.01, 0.04])
+    np.testing.assert_allclose(adjusted(p, np.array([14, 14, 14])), [0.003, 0.02, 0.04])
+    # three units can come to 2/8 at best, the others to theirs beside it
+    np.testing.assert_allclose(adjusted(p, np.array([14, 14, 3])), [0.003, 0.02, np.nan])
+
+
+def test_targets_flip_of_one_source_set_and_whole_sets_of_several() -> None:
+    rng = np.random.default_rng(0)
+    assert paired_p(np.ones((1, 6)), rng) == 2 / 2**6
+    assert paired_p(np.ones((4, 6)), rng) == 2 / 2**4

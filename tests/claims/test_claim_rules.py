@@ -11,6 +11,7 @@ import pytest
 
 from qinit_cli.claims.claim import Claim, Finding
 from qinit_cli.claims.evidence import Evidence
+from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.registry import CLAIMS
 from qinit_cli.claims.setting import Setting
 from qinit_cli.claims.verdict import Verdict
@@ -22,7 +23,9 @@ NEEDS = (("variance 1", "here"), ("variance 1", "there"), ("variance 3", "here")
 
 def _rows(setting: At, holds: Holds, variant: str = "") -> list[Finding]:
     return [
-        Finding(setting(distribution, variant), aspect, 0.5, 0.4, 0.6, 10, holds(distribution, aspect))
+        Finding(
+            setting(distribution, variant), aspect, OverSets(0.5, 0.4, 0.6, 10), holds(distribution, aspect)
+        )
         for distribution, aspect in NEEDS
     ]
 
@@ -94,7 +97,8 @@ def test_the_fewer_rows_are_named(setting: At) -> None:
 
 def test_a_sentence_names_no_more_than_six_aspects(setting: At) -> None:
     rows = [
-        Finding(setting("variance 1"), str(number), 0.0, sets=9, holds=number > 8) for number in range(18)
+        Finding(setting("variance 1"), str(number), OverSets(0.0, sets=9), holds=number > 8)
+        for number in range(18)
     ]
     needs = tuple(("variance 1", str(number)) for number in range(18))
     verdict = _judged(rows, needs=needs, headline=needs[0])
@@ -111,7 +115,7 @@ def test_one_distribution_is_no_evidence_for_all(setting: At) -> None:
 
 
 def test_too_few_source_sets_withhold_the_verdict_and_are_told(setting: At) -> None:
-    rows = [replace(row, sets=9) for row in _rows(setting, _always)]
+    rows = [replace(row, found=replace(row.found, sets=9)) for row in _rows(setting, _always)]
     assert _judged(rows).verdict == "holds"
     verdict = _judged(rows, sets=10)
     assert (verdict.verdict, verdict.sets) == ("not judged", 9)
@@ -120,14 +124,14 @@ def test_too_few_source_sets_withhold_the_verdict_and_are_told(setting: At) -> N
 
 def test_what_lacks_beside_other_rows_of_its_distribution_is_named(setting: At) -> None:
     rows = [row for row in _rows(setting, _always) if row.aspect == "here"]
-    rows += [Finding(setting("variance 3"), "elsewhere", 0.0, sets=2)]
+    rows += [Finding(setting("variance 3"), "elsewhere", OverSets(0.0, sets=2))]
     verdict = _judged(rows)
     assert verdict.sentence.startswith("Lacking: there (everywhere). Made by")
     assert verdict.sets == 10
 
 
 def test_what_reads_no_sources_needs_no_source_sets(setting: At) -> None:
-    rows = [replace(row, sets=0) for row in _rows(setting, _always)]
+    rows = [replace(row, found=replace(row.found, sets=0)) for row in _rows(setting, _always)]
     assert _judged(rows, sets=10).verdict == "holds"
 
 
@@ -141,8 +145,8 @@ def test_evidence_that_is_smaller_than_the_papers_does_not_decide(setting: At) -
 def test_rows_beside_the_claim_and_other_distributions_do_not_decide(setting: At) -> None:
     rows = _rows(setting, _always)
     beside = [
-        Finding(setting("variance 1"), "elsewhere", 0.1, sets=10),
-        Finding(setting("variance 2"), "here", 0.1, sets=10, holds=False),
+        Finding(setting("variance 1"), "elsewhere", OverSets(0.1, sets=10)),
+        Finding(setting("variance 2"), "here", OverSets(0.1, sets=10), holds=False),
     ]
     assert _judged(rows + beside).verdict == "holds"
     assert _judged(rows + beside, also=("variance 2",)).verdict == "depends"
@@ -165,7 +169,7 @@ def test_settings_that_change_the_answer_are_what_it_depends_on(setting: At) -> 
 
 
 def test_a_row_without_an_interval_has_none(setting: At) -> None:
-    [row] = _judged([Finding(setting("variance 1"), "here", math.nan, sets=1)]).details
+    [row] = _judged([Finding(setting("variance 1"), "here", OverSets(math.nan, sets=1))]).details
     assert (row.value, row.low, row.high) == (None, None, None)
 
 

@@ -56,12 +56,12 @@ OTHER = _run("maxqinit", _filled(2, [4] * 18 + [1] * 2), ALWAYS)
 def test_averages_are_those_worked_by_hand() -> None:
     [comparison] = compare([ZERO, OTHER], "zero", "return")
     zero, other = comparison.rows
-    assert zero.average.mean == pytest.approx((0.25 + 0.5) / 2)
-    assert zero.jumpstart.mean == pytest.approx((0.25 + 0.0) / 2)
-    assert zero.asymptotic.mean == pytest.approx((0.25 + 1.0) / 2)
-    assert other.average.mean == pytest.approx((0.5 + (18 / 8 + 2) / 20) / 2)
-    assert other.jumpstart.mean == pytest.approx((0.5 + 0.125) / 2)
-    assert other.asymptotic.mean == pytest.approx((0.5 + 1.0) / 2)
+    assert zero.average.value == pytest.approx((0.25 + 0.5) / 2)
+    assert zero.jumpstart.value == pytest.approx((0.25 + 0.0) / 2)
+    assert zero.asymptotic.value == pytest.approx((0.25 + 1.0) / 2)
+    assert other.average.value == pytest.approx((0.5 + (18 / 8 + 2) / 20) / 2)
+    assert other.jumpstart.value == pytest.approx((0.5 + 0.125) / 2)
+    assert other.asymptotic.value == pytest.approx((0.5 + 1.0) / 2)
 
 
 def test_success_and_restricted_steps_are_those_worked_by_hand() -> None:
@@ -78,7 +78,7 @@ def test_differences_are_paired_to_the_baseline_which_has_none() -> None:
     assert zero.difference is None
     assert other.difference is not None
     by_target = np.array([0.5 - 0.25, (18 / 8 + 2) / 20 - 0.5])
-    assert other.difference.mean == pytest.approx(by_target.mean())
+    assert other.difference.value == pytest.approx(by_target.mean())
     assert (other.difference.low, other.difference.high) == (
         pytest.approx(by_target.min()),
         pytest.approx(by_target.max()),
@@ -99,9 +99,9 @@ def test_an_episode_without_the_goal_counts_its_steps_but_no_return() -> None:
 def test_the_metric_changes_averages_and_differences() -> None:
     [comparison] = compare([ZERO, OTHER], "zero", "success")
     zero, other = comparison.rows
-    assert (zero.average.mean, zero.jumpstart.mean, zero.asymptotic.mean) == (0.75, 0.5, 1.0)
+    assert (zero.average.value, zero.jumpstart.value, zero.asymptotic.value) == (0.75, 0.5, 1.0)
     assert other.difference is not None
-    assert other.difference.mean == pytest.approx(0.25)
+    assert other.difference.value == pytest.approx(0.25)
 
 
 def _random_runs(targets: int) -> tuple[Run, Run]:
@@ -131,7 +131,7 @@ def test_intervals_are_scipys_percentile_bootstrap_of_the_same_targets() -> None
     )
     found = comparison.rows[1].difference
     assert found is not None
-    assert found.mean == pytest.approx(difference.mean())
+    assert found.value == pytest.approx(difference.mean())
     width = expected.confidence_interval.high - expected.confidence_interval.low
     assert found.low == pytest.approx(expected.confidence_interval.low, abs=0.05 * width)
     assert found.high == pytest.approx(expected.confidence_interval.high, abs=0.05 * width)
@@ -164,7 +164,7 @@ def test_one_target_alone_has_no_interval() -> None:
     run = _run("zero", _filled(3), _filled(True))
     [comparison] = compare([run], "zero", "return")
     average = comparison.rows[0].average
-    assert average.mean == 0.25
+    assert average.value == 0.25
     assert np.isnan([average.low, average.high]).all()
 
 
@@ -270,7 +270,7 @@ def test_source_sets_are_averaged_and_paired_set_by_set(shared: bool) -> None:
     by_set = np.array([averages[f"maxqinit-{n}"] - averages[f"zero-{n}"] for n in range(6)])
     assert (comparison.sets, zero.sets, other.sets) == (6, 6, 6)
     assert other.difference is not None
-    assert other.difference.mean == pytest.approx(by_set.mean())
+    assert other.difference.value == pytest.approx(by_set.mean())
     flips = np.array(np.meshgrid(*[[-1, 1]] * 6)).reshape(6, -1)
     means = np.abs(flips.T @ by_set)
     assert other.p == pytest.approx(np.mean(means >= abs(by_set.sum()) * (1 - 1e-12)))
@@ -285,7 +285,7 @@ def test_one_baseline_serves_every_source_set_that_met_its_targets() -> None:
         [curve(run, "return").mean() - curve(zero, "return").mean() for run in runs if run.label != "zero"]
     )
     assert comparison.rows[1].difference is not None
-    assert comparison.rows[1].difference.mean == pytest.approx(expected)
+    assert comparison.rows[1].difference.value == pytest.approx(expected)
 
 
 def test_one_source_set_on_two_sets_of_targets_is_not_two_source_sets() -> None:

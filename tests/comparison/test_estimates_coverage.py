@@ -10,7 +10,8 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis.aggregate import probability_of_improvement
-from qinit_cli.comparison.estimates import Chance, Estimate, Estimates, estimates
+from qinit_cli.analysis.intervals import Estimate, Resampling
+from qinit_cli.comparison.estimates import Estimates, estimates
 from qinit_cli.comparison.scores import Arrival, Scores
 
 EXPERIMENTS = 1000
@@ -105,7 +106,8 @@ def test_every_interval_covers_as_it_says(draw: Draw, sets: int, targets: int, s
             [_scores(row) for row in method],
             [_scores(row) for row in zero],
             "return",
-            Chance(shared, number, resamples=1000),
+            Resampling(shared, resamples=1000),
+            number,
         )
         for name, estimate in _told(found).items():
             covered[name] += estimate.low <= truth[name] <= estimate.high

@@ -62,21 +62,21 @@ ZERO = _run("zero", _level(0.125, 0.25, 0.25, 0.5))
 def test_the_transfer_ratio_is_the_ratio_of_the_means() -> None:
     row = _row([ZERO, _run("mean", _level(0.5, 0.5, 1, 0.25))], "mean")
     assert row.ratio is not None
-    assert row.ratio.mean == pytest.approx(2.25 / 1.125)
+    assert row.ratio.value == pytest.approx(2.25 / 1.125)
     assert row.ratio.low < 2 < row.ratio.high
 
 
 def test_twice_the_baseline_everywhere_is_a_ratio_of_two_without_width() -> None:
     ratio = _row([ZERO, _run("mean", _level(0.25, 0.5, 0.5, 1))], "mean").ratio
     assert ratio is not None
-    assert [ratio.mean, ratio.low, ratio.high] == pytest.approx([2, 2, 2])
+    assert [ratio.value, ratio.low, ratio.high] == pytest.approx([2, 2, 2])
 
 
 def test_where_the_baselines_interval_touches_nothing_the_difference_stands_alone() -> None:
     row = _row([_run("zero", _level(0, 0, 0, 0.5)), _run("mean", _level(0.5, 0.5, 1, 1))], "mean")
     assert row.ratio is None
     assert row.difference is not None
-    assert row.difference.mean == pytest.approx(0.625)
+    assert row.difference.value == pytest.approx(0.625)
 
 
 def test_the_time_to_threshold_is_when_fifty_episodes_average_half_of_what_is_possible() -> None:
@@ -85,8 +85,8 @@ def test_the_time_to_threshold_is_when_fifty_episodes_average_half_of_what_is_po
     late[1, :80] = 0  # never half
     row = _row([_run("zero", late, possible=[1, 1, 1, 0.5])], "zero")
     assert row.threshold is not None
-    assert row.threshold.median.mean == 50  # of 50, 50, 65 and never
-    assert row.threshold.restricted_mean.mean == (50 + 50 + 65 + 100) / 4
+    assert row.threshold.median.value == 50  # of 50, 50, 65 and never
+    assert row.threshold.restricted_mean.value == (50 + 50 + 65 + 100) / 4
     assert row.threshold.censored == 0.25
     assert row.threshold.median.low == 50
     assert row.threshold.median.high == math.inf  # samples of the second target alone
@@ -96,7 +96,7 @@ def test_who_can_hope_for_nothing_never_reaches_half_of_it() -> None:
     row = _row([_run("zero", _level(1, 1, 0), possible=[1, 0, 0])], "zero")
     assert row.threshold is not None
     assert row.threshold.censored == pytest.approx(2 / 3)
-    assert row.threshold.median.mean == math.inf
+    assert row.threshold.median.value == math.inf
 
 
 def test_without_what_is_possible_there_is_no_threshold_and_optimal_gives_one() -> None:
@@ -130,8 +130,8 @@ def _averages(runs: list[Run], method: str) -> np.ndarray:
 def test_the_interquartile_mean_is_over_all_source_sets_and_targets(shared: bool) -> None:
     runs = _sets(shared)
     iqm = _row(runs, "mean").iqm
-    assert iqm.mean == pytest.approx(stats.trim_mean(_averages(runs, "mean"), 0.25, axis=None), rel=1e-12)
-    assert iqm.low < iqm.mean < iqm.high
+    assert iqm.value == pytest.approx(stats.trim_mean(_averages(runs, "mean"), 0.25, axis=None), rel=1e-12)
+    assert iqm.low < iqm.value < iqm.high
 
 
 def test_the_probability_of_improvement_is_the_mann_whitney_statistic_of_each_target() -> None:
@@ -143,22 +143,22 @@ def test_the_probability_of_improvement_is_the_mann_whitney_statistic_of_each_ta
     ]
     found = _row(runs, "mean").improvement
     assert found is not None
-    assert found.mean == pytest.approx(np.mean(known))
-    assert found.low < found.mean < found.high
+    assert found.value == pytest.approx(np.mean(known))
+    assert found.low < found.value < found.high
 
 
 def test_sets_with_targets_of_their_own_are_compared_in_pairs() -> None:
     runs = _sets(shared=False)
     found = _row(runs, "mean").improvement
     assert found is not None
-    assert found.mean == pytest.approx(np.mean(_averages(runs, "mean") > _averages(runs, "zero")))
-    assert found.low < found.mean < found.high
+    assert found.value == pytest.approx(np.mean(_averages(runs, "mean") > _averages(runs, "zero")))
+    assert found.low < found.value < found.high
 
 
 def test_one_source_set_improves_on_the_share_of_targets_where_it_is_better() -> None:
     row = _row([ZERO, _run("mean", _level(0.5, 0.25, 0.125, 1))], "mean")
     assert row.improvement is not None
-    assert row.improvement.mean == (2 + 0.5) / 4
+    assert row.improvement.value == (2 + 0.5) / 4
 
 
 def test_fewer_steps_are_the_improvement() -> None:
@@ -166,8 +166,8 @@ def test_fewer_steps_are_the_improvement() -> None:
     row = _row([ZERO, better], "mean", metric="steps")
     assert row.improvement is not None
     assert row.difference is not None
-    assert row.improvement.mean == 1
-    assert row.difference.mean < 0
+    assert row.improvement.value == 1
+    assert row.difference.value < 0
     assert row.negative_transfer is False
 
 
@@ -192,4 +192,4 @@ def test_one_target_alone_tells_no_negative_transfer_and_no_ratio() -> None:
     assert row.negative_transfer is None
     assert row.ratio is None
     assert row.improvement is not None
-    assert (row.improvement.mean, math.isnan(row.improvement.low)) == (0, True)
+    assert (row.improvement.value, math.isnan(row.improvement.low)) == (0, True)

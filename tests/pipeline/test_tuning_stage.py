@@ -103,9 +103,11 @@ def test_the_largest_mean_is_chosen_and_differences_are_paired() -> None:
     [best] = [one for one in found if one.chosen]
     [default] = [one for one in found if one.default]
     assert best.parameters == {"quantile": 0.1}
-    assert best.average == pytest.approx(0.4)
-    assert (best.difference, best.difference_low, best.difference_high) == pytest.approx((0.2, 0.2, 0.2))
-    assert default.average == pytest.approx(0.2)
+    assert best.average.value == pytest.approx(0.4)
+    assert (best.difference.value, best.difference.low, best.difference.high) == pytest.approx(
+        (0.2, 0.2, 0.2)
+    )
+    assert default.average.value == pytest.approx(0.2)
 
 
 def test_of_equals_the_default_is_chosen() -> None:
@@ -133,14 +135,14 @@ def test_what_choosing_is_worth_is_judged_by_sources_that_did_not_choose() -> No
         False
     ]
     found = worth(average, 0)
-    assert found.difference == 0.0  # ... and the other folds choose it, to which it is worth nothing
+    assert found.value == 0.0  # ... and the other folds choose it, to which it is worth nothing
 
 
 def test_a_candidate_that_is_better_everywhere_is_worth_what_it_gains() -> None:
     average = np.tile([0.2, 0.3, 0.1], (15, 1))
     average[4] = np.nan
     found = worth(average, 0)
-    assert (found.difference, found.low, found.high) == pytest.approx((0.1, 0.1, 0.1))
+    assert (found.value, found.low, found.high) == pytest.approx((0.1, 0.1, 0.1))
 
 
 @pytest.mark.parametrize(
