@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import pytest
 import typer
 
-from qinit_cli.commands.build import Group, add_command, add_each
+from qinit_cli.commands.build import add_command, add_each
+from qinit_cli.commands.option_groups import Group
 from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import option

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from qinit_cli import cores
-from qinit_cli.commands.build import Group, add_command
-from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Tabular
+from qinit_cli.commands.build import add_command
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:

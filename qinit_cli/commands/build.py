@@ -9,93 +9,20 @@ import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
-from dataclasses import MISSING, Field, dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar
 
 import typer
 
 from qinit_cli.commands.help import SETTINGS, Command, Commands, HelpAll
-from qinit_cli.errors import UsageError
-from qinit_cli.fields import flag, help_of, options
+from qinit_cli.commands.messages import compiling
+from qinit_cli.commands.option_groups import Group
 from qinit_cli.registry import Registry
-
-OF_ONE_CALL = {
-    "output",
-    "force",
-    "dry_run",
-    "import_",
-    "json",
-    "shard",
-    "to",
-    "what",
-    "title",
-}  # no variable or file sets them
-
 
 # whether the command that runs has --debug, QINIT_DEBUG or debug = true in a file
 debugging: ContextVar[bool] = ContextVar("debugging", default=False)
-
-
-@dataclass(frozen=True)
-class Group:
-    """One dataclass of options: the panel they stand under in the help, and texts for defaults that come from elsewhere."""
-
-    owner: type[Any]
-    panel: str
-    default_texts: Mapping[str, str] = field(default_factory=dict)
-
-    @cached_property
-    def parameters(self) -> tuple[inspect.Parameter, ...]:
-        """The options as keyword parameters that typer reads; made once, as many commands share a group."""
-        hints = get_type_hints(self.owner)
-        return tuple(self._parameter(option, hints[option.name]) for option in options(self.owner))
-
-    @cached_property
-    def seldom(self) -> tuple[str, ...]:
-        """Names of the options that only --help-all shows."""
-        return tuple(option.name for option in options(self.owner) if option.metadata["seldom"])
-
-    def instance(self, values: Mapping[str, Any]) -> Any:
-        """The dataclass made from parsed options; UsageError, one sentence, where they cannot be meant so."""
-        try:
-            return self.owner(**{option.name: values[option.name] for option in options(self.owner)})
-        except ValueError as error:
-            raise UsageError(str(error)) from error
-
-    def _parameter(self, option: Field[Any], hint: Any) -> inspect.Parameter:
-        meta = option.metadata
-        if meta["positional"]:
-            argument = typer.Argument(help=meta["help"], metavar=meta["metavar"])
-            return inspect.Parameter(
-                option.name, inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[hint, argument]
-            )
-        default_text = self.default_texts.get(option.name, meta["default_text"])
-        spelled = [flag(option.name)] + ([meta["short"]] if meta["short"] else [])
-        info = typer.Option(
-            *spelled,
-            help=help_of(option),
-            metavar=_metavar(meta["metavar"], hint),
-            envvar=None if option.name in OF_ONE_CALL else "QINIT_" + option.name.upper(),
-            show_envvar=False,
-            # by identity: 0 equals False, and is a default worth showing
-            show_default=default_text or (option.default is not None and option.default is not False),
-            rich_help_panel=meta["panel"] or self.panel,
-        )
-        default = option.default if option.default is not MISSING else inspect.Parameter.empty
-        return inspect.Parameter(
-            option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, info]
-        )
-
-
-def _metavar(given: str | None, hint: Any) -> str | None:
-    """What stands for the value in the help; None: what typer makes of the type."""
-    if hint is bool:
-        return ""  # a flag takes no value, whatever typer would show
-    lists = [one for one in (hint, *get_args(hint)) if get_origin(one) is list]
-    return given or (f"<{get_args(lists[0])[0].__name__}>" if lists else None)
 
 
 @dataclass(frozen=True)
@@ -150,8 +77,6 @@ def add_command(
         if "display" not in given:
             run(**typed, **given)
             return
-        from qinit_cli.commands.messages import compiling
-
         with compiling(given["display"]):
             run(**typed, **given)
 

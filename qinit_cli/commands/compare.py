@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
 from qinit_cli.fields import check, option
 from qinit_store.wording import shell_line
 

@@ -11,9 +11,9 @@ from typing import Any
 import typer
 
 from qinit_cli import configuration
-from qinit_cli.commands.build import Group, add_command, option_names, walk
-from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Tabular
+from qinit_cli.commands.build import add_command, option_names, walk
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
 from qinit_cli.fields import option
 
 

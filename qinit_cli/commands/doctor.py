@@ -12,7 +12,7 @@ import typer
 
 from qinit_cli import __version__, cores
 from qinit_cli.commands.build import add_command
-from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 from qinit_store.errors import SystemFailed
 
 

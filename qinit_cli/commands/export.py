@@ -12,9 +12,9 @@ from typing import IO, TYPE_CHECKING, Literal, cast, get_args
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.option_groups import DISPLAY, READING, Display, Group, Reading
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fields import check, option
 from qinit_cli.nearest import nearest

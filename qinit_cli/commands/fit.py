@@ -6,8 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, ONE_PASS, OUTPUT, Display, OnePass, Output
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.option_groups import (
+    DISPLAY,
+    IMPORTS,
+    ONE_PASS,
+    OUTPUT,
+    Display,
+    Group,
+    OnePass,
+    Output,
+)
 from qinit_cli.fitted import FitOptions
 from qinit_store.wording import counted
 

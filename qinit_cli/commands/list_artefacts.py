@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from qinit_cli.commands.build import Group, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.build import add_command
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
 from qinit_cli.fields import check, option
 from qinit_store.wording import recorded_command
 

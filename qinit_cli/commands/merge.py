@@ -9,8 +9,8 @@ from pathlib import Path
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, Display
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
 from qinit_store.wording import counted
 

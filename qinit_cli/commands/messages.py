@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
-from qinit_cli.commands.groups import Display
+from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.reporter import Progress, Reporter
 from qinit_cli.streams import in_encoding_of
 from qinit_cli.wrapping import columns, wrapped

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.build import Group
-from qinit_cli.commands.groups import Display, store_option
 from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.option_groups import Display, Group, store_option
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
 

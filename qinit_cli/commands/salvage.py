@@ -7,7 +7,7 @@ import sys
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, Display
+from qinit_cli.commands.option_groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
 from qinit_store.wording import counted, first_few, shell_line
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import typer
 
-from qinit_cli.commands.build import Group, add_command
-from qinit_cli.commands.groups import DISPLAY, TABULAR, Display, Tabular
+from qinit_cli.commands.build import add_command
+from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.messages import console, note
+from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Output
+from qinit_cli.commands.build import Reference, add_command, add_each
 from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Group, Output
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.fields import option, tunable
 from qinit_cli.methods import METHODS, Initial, Method

@@ -13,9 +13,18 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command, add_each
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, TABULAR, Display, Output, Tabular, store_option
+from qinit_cli.commands.build import Reference, add_command, add_each
 from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.option_groups import (
+    DISPLAY,
+    IMPORTS,
+    TABULAR,
+    Display,
+    Group,
+    Output,
+    Tabular,
+    store_option,
+)
 from qinit_cli.errors import TasksFailed, UsageError
 from qinit_cli.fields import flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 
 if TYPE_CHECKING:
     from qinit_store.verify import Verdict

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import pytest
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.option_groups import Group
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from qinit_cli.commands import messages
-from qinit_cli.commands.groups import Display
+from qinit_cli.commands.option_groups import Display
 from qinit_cli.kernels import compiled
 from qinit_cli.pipeline import job
 from qinit_cli.pipeline import workers as workforce

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
+from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 
 USUAL = Usual("eopl", "text", "the state")

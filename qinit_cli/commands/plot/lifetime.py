@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, READING, Display, Reading
+from qinit_cli.commands.option_groups import DISPLAY, READING, Display, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 
 USUAL = Usual("lifetime", "text", "what is shown")

@@ -7,8 +7,8 @@ from typing import Literal
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
+from qinit_cli.commands.build import Reference, add_command
+from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
 from qinit_cli.commands.plot.picture import Picture, Usual, publish
 from qinit_cli.fields import check, option
 

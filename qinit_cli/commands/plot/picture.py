@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from qinit_cli.commands.build import Group
-from qinit_cli.commands.groups import Display
 from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.option_groups import Display, Group
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from qinit_cli.commands.build import Group, Reference, add_command
-from qinit_cli.commands.groups import DISPLAY, IMPORTS, READING, Display, Reading
+from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import option
 from qinit_cli.output_file import OutputFile

@@ -8,8 +8,8 @@ from typing import Literal
 
 import typer
 
-from qinit_cli.commands.build import Group, add_command
-from qinit_cli.commands.groups import DISPLAY, Display, store_option
+from qinit_cli.commands.build import add_command
+from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
 from qinit_cli.fields import check, option
 from qinit_cli.paper.experiments import TARGETS
 
@@ -89,7 +89,7 @@ def add_to(targets: typer.Typer) -> None:
 
 def reproduce(target: str, asked: Reproducing, into: Into, machine: Threads, display: Display) -> None:
     """Makes what is missing, draws it, and prints the folder."""
-    from qinit_cli.commands.groups import Output
+    from qinit_cli.commands.option_groups import Output
     from qinit_cli.commands.reproduce.reproduction import Reproduction
     from qinit_cli.pipeline.machine import Machine
 

@@ -8,8 +8,8 @@ from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from qinit_cli.commands.groups import Display
 from qinit_cli.commands.messages import Lines, Printed, TaskBar, clock, console
+from qinit_cli.commands.option_groups import Display
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.groups import Display, Output
 from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.option_groups import Display, Output
 from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
 from qinit_cli.commands.reproduce.drawing import Drawing, file_of, made_of
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected, expected

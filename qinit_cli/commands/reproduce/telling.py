@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.groups import Display
 from qinit_cli.commands.messages import note
+from qinit_cli.commands.option_groups import Display
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
 from qinit_cli.commands.reproduce.manifest import Spent
 from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
