@@ -317,7 +317,7 @@ def test_without_its_artefact_a_command_says_so_and_feeds_no_pipe(command: str, 
 def test_every_command_stands_in_the_readme(command: str) -> None:
     text = README.read_text()
     words = command.split()
-    if words[0] in ("transfer", "lifelong", "tune", "reproduce"):
+    if words[0] in ("start", "transfer", "lifelong", "tune", "reproduce"):
         assert f"`{words[1]}`" in text
     else:
         assert f"qinit {command}" in text
