@@ -35,6 +35,7 @@ SOURCES = [
     ("steps", 0, -1),
     ("curve_reached", (0, 0), 1.5),
     ("curve_steps", (0, 0), math.inf),
+    ("seconds", 0, 1e308),
 ]
 
 
@@ -112,6 +113,7 @@ def test_a_moment_is_unknown_where_nothing_was_counted_and_nowhere_else(
         ("steps", (0, 0), 1_001),
         ("reached", (0, 0), 2),
         ("v_star", 0, 7.0),
+        ("potential", (0, 0), 1e308),
     ],
 )
 def test_a_run_with_a_value_that_cannot_be_is_refused(
@@ -128,6 +130,13 @@ def test_a_candidate_that_earned_more_than_there_is_is_refused(
 ) -> None:
     ended = here("show", put(tuning, tmp_path / "forged.h5", "average", (0, 0), 2.0))
     assert (ended.code, "average is 2.0" in ended.err) == (6, True)
+
+
+def test_a_label_that_is_no_text_is_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    ended = here("export", put(pipeline.fit, tmp_path / "forged.h5", "action", 0, b"\xff"), "--to", "csv")
+    assert (ended.code, "a label of its axis action is not in ASCII" in ended.err) == (6, True)
 
 
 def _deleted(*names: str) -> Callable[[dict[str, Any]], Any]:

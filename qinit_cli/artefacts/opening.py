@@ -18,12 +18,14 @@ from qinit_cli.elementary import exp, ln
 from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
+from qinit_cli.methods import METHODS
 from qinit_store import reading
 from qinit_store.fit_statistics import FitStatistics, fit_statistics
 from qinit_store.held import Held
 from qinit_store.reading import Artefact, Description
 from qinit_store.schema import (
     NO_MOMENTS,
+    ROUNDING,
     Axis,
     Column,
     fit_schema,
@@ -162,9 +164,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
         raise ValueError(f"it lacks {min(lacking)}")
     if artefact.tasks.size and artefact.kind != "fit" and artefact.tasks[-1] >= artefact.spec["tasks"]:
         raise ValueError(f"it holds task {artefact.tasks[-1]} of {artefact.spec['tasks']}, counted from 0")
-    highest = _highest(artefact)
-    known = [*_columns(artefact), *parameters]
-    return axes, [replace(one, high=highest[one.name]) if one.name in highest else one for one in known]
+    return axes, [_within(one, artefact) for one in (*_columns(artefact), *parameters)]
 
 
 def _lengths(artefact: Artefact) -> dict[str, int]:
@@ -189,6 +189,18 @@ def _lengths(artefact: Artefact) -> dict[str, int]:
             return {}
 
 
+def _within(column: Column, artefact: Artefact) -> Column:
+    """The column with the least and the largest value that these settings allow, where they say more than it does."""
+    high = _highest(artefact).get(column.name, column.high)
+    if artefact.kind == "run" and METHODS.is_own(artefact.spec["method"]["name"]):
+        # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
+        if column.name == "potential":
+            return replace(column, low=0, high=1 + ROUNDING)
+        if column.name == "q":
+            return replace(column, low=-1 - ROUNDING, high=2 + ROUNDING)
+    return replace(column, high=high)
+
+
 def _highest(artefact: Artefact) -> dict[str, float]:
     """The largest value of each column that these settings bound."""
     spec, kind = artefact.spec, artefact.kind
@@ -199,7 +211,7 @@ def _highest(artefact: Artefact) -> dict[str, float]:
     if kind == "tuning":
         return {}
     if spec.get("learner") == "exact":
-        return _longest_path(artefact)
+        return {"steps": 0, "visits": 0, **_longest_path(artefact)}
     learning = settings.learning(spec["learning"])
     if kind == "run":
         return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}

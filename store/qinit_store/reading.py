@@ -418,7 +418,10 @@ def _ids(dataset: h5py.Dataset) -> Array:
 
 
 def _axis(name: str, found: guard.Checked) -> Axis:
-    return Axis(name, found.dataset[...], *_labels(found))
+    axis = Axis(name, found.dataset[...], *_labels(found))
+    if axis.values.dtype.kind == "S" and not all(label.isascii() for label in axis.values.tolist()):
+        raise ValueError(f"a label of its axis {name} is not in ASCII")
+    return axis
 
 
 def _read_column(name: str, found: guard.Checked, dims: tuple[str, ...]) -> Column:

@@ -20,6 +20,7 @@ DIGEST_BYTES = 32
 # of a column that may have any value: an unknown one, or one without bounds
 ANYTHING: Mapping[str, Any] = {"low": -math.inf, "high": math.inf, "nan": True}
 BLOCK_BYTES = 8 * 1024 * 1024
+LONGEST = 1e10  # seconds of a task: three hundred years
 ROUNDING = 1e-6  # by which sums of chances and repeated steps may leave [0, 1]
 NO_MOMENTS: Array = np.empty(0, np.int64)
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
@@ -486,6 +487,7 @@ def _keeping() -> tuple[Column, ...]:
             "time inside the kernel, a fair share of its batch",
             hashed=False,
             low=0,
+            high=LONGEST,
         ),
         Column(
             TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
