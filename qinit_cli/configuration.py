@@ -29,7 +29,7 @@ Commands = Mapping[Command, frozenset[str]]  # every command's options, by name
 
 
 @dataclass(frozen=True)
-class Setting:
+class Configured:
     """One value from a file."""
 
     table: Command  # () at the top of the file
@@ -51,7 +51,7 @@ def _user_file() -> Path | None:
     return None if base.startswith("~") else Path(base, "qinit", "qinit.toml")
 
 
-def settings(commands: Commands) -> list[Setting]:
+def settings(commands: Commands) -> list[Configured]:
     """Every setting of every file, weakest first; UsageError for a file that is no TOML or a key that nothing has."""
     found = [setting for path in files() for setting in _read(path)]
     for setting in found:
@@ -61,13 +61,13 @@ def settings(commands: Commands) -> list[Setting]:
     return sorted(found, key=lambda setting: (setting.origin == LOCAL, len(setting.table)))
 
 
-def chosen(command: Command, option: str, found: Iterable[Setting]) -> Setting | None:
+def chosen(command: Command, option: str, found: Iterable[Configured]) -> Configured | None:
     """The strongest setting for an option of a command."""
     meant = [s for s in found if s.name == option and s.table == command[: len(s.table)]]
     return meant[-1] if meant else None
 
 
-def defaults(commands: Commands, found: list[Setting]) -> dict[str, Any]:
+def defaults(commands: Commands, found: list[Configured]) -> dict[str, Any]:
     """The settings as nested defaults, {command: {subcommand: {option: value}}}."""
     nested: dict[str, Any] = {}
     for command, options in commands.items():
@@ -88,7 +88,7 @@ def check_variables(commands: Commands) -> None:
             raise UsageError(f"the variable {name} sets no option{_nearest(name, known)}")
 
 
-def _read(path: Path) -> Iterator[Setting]:
+def _read(path: Path) -> Iterator[Configured]:
     import tomllib
 
     try:
@@ -102,12 +102,12 @@ def _read(path: Path) -> Iterator[Setting]:
     yield from _settings(content, (), path)
 
 
-def _settings(content: Mapping[str, Any], table: Command, path: Path) -> Iterator[Setting]:
+def _settings(content: Mapping[str, Any], table: Command, path: Path) -> Iterator[Configured]:
     for key, value in content.items():
         if isinstance(value, Mapping):
             yield from _settings(value, (*table, key), path)
         else:
-            yield Setting(table, key.replace("-", "_"), _at_home(value), path)
+            yield Configured(table, key.replace("-", "_"), _at_home(value), path)
 
 
 def _at_home(value: Any) -> Any:
@@ -115,7 +115,7 @@ def _at_home(value: Any) -> Any:
     return os.path.expanduser(value) if isinstance(value, str) else value
 
 
-def _check(setting: Setting, commands: Commands) -> None:
+def _check(setting: Configured, commands: Commands) -> None:
     below = {
         command: options
         for command, options in commands.items()
@@ -134,7 +134,7 @@ def _check(setting: Setting, commands: Commands) -> None:
         )
 
 
-def _refuse_foreign(setting: Setting) -> None:
+def _refuse_foreign(setting: Configured) -> None:
     """UsageError for what only the user may set: a folder's file comes with the folder, from whoever made that."""
     if setting.origin == LOCAL and setting.name in OWN:
         name = setting.name.replace("_", "-")

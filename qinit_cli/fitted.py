@@ -64,7 +64,7 @@ class FitOptions:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedTables:
     """Statistics of the source tables per state-action; NaN where no source has a positive value."""
 
     mu: Floats  # (S, A) mean of ln Q
@@ -99,7 +99,7 @@ class Fit:
         return self.n > 0
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, Any], states: int, estimator: str) -> Fit:
+    def from_arrays(cls, arrays: dict[str, Any], states: int, estimator: str) -> FittedTables:
         """The fit in an artefact's arrays, whose state axes are laid out as one."""
         flat = {name: arrays[name].reshape(states, -1) for name in cls.TABLES}
         library = {

@@ -194,7 +194,7 @@ class Run(Saved):
         from qinit_cli.analysis.returns import discounted_returns
 
         with self._opened() as artefact:
-            run = compared.Run.from_artefact(artefact)
+            run = compared.ComparedRun.from_artefact(artefact)
         return discounted_returns(run.steps, run.reached, run.gamma)
 
 
@@ -483,10 +483,10 @@ def compare(
     `baseline` is a method or a run's name; `greedy` compares greedy evaluations in the place of learning episodes. NotAllowed for
     runs that cannot stand beside each other.
     """
-    found: dict[str, compared.Run] = {}
+    found: dict[str, compared.ComparedRun] = {}
     for run in runs:
         with open_artefact(_source(run, store), "run") as artefact:
-            found.setdefault(artefact.content_sha256, compared.Run.from_artefact(artefact))
+            found.setdefault(artefact.content_sha256, compared.ComparedRun.from_artefact(artefact))
     shown = [run.greedy() if greedy else run for run in found.values()]
     if not shown:
         raise NotAllowed("compare was given no runs; give at least one")

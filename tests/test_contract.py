@@ -15,7 +15,7 @@ from qinit_cli.artefacts import specs
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.pipeline.fit import Selection, fit
@@ -72,7 +72,7 @@ EVERY = [
 
 
 @pytest.fixture(scope="module")
-def known() -> dict[str, Fit]:
+def known() -> dict[str, FittedTables]:
     """A fit of a few short sources of each family."""
     fits = {}
     for name in CASES:
@@ -81,7 +81,7 @@ def known() -> dict[str, Fit]:
         _, rows = learn_sources(SourceTasks(family, "q-learning", learning, 0), np.arange(SOURCES), Watch())
         blocks = [{"task": np.arange(SOURCES), **{key: rows[key] for key in ("q", "td_var", "eopl")}}]
         arrays = fit(blocks, Selection(np.ones(SOURCES, bool), 0, 0), FitOptions())
-        fits[name] = Fit.from_arrays(arrays, math.prod(family.shape), "mle")
+        fits[name] = FittedTables.from_arrays(arrays, math.prod(family.shape), "mle")
     return fits
 
 
@@ -91,7 +91,7 @@ def targets_of(name: str, seed: int = 1) -> TargetTasks:
     return TargetTasks(family, learning, seed, keep_q=True, evaluate_every=10)
 
 
-def transferred(name: str, method: Method, fit: Fit, seed: int = 1) -> tuple[Any, dict[str, Any]]:
+def transferred(name: str, method: Method, fit: FittedTables, seed: int = 1) -> tuple[Any, dict[str, Any]]:
     """What the method starts targets from, and the rows that they leave."""
     targets = targets_of(name, seed)
     shape = (TARGETS, math.prod(targets.family.shape), len(targets.family.actions))
@@ -100,7 +100,9 @@ def transferred(name: str, method: Method, fit: Fit, seed: int = 1) -> tuple[Any
 
 
 @pytest.mark.parametrize(("family", "method"), EVERY)
-def test_a_method_trains_and_its_seed_decides_all(family: str, method: str, known: dict[str, Fit]) -> None:
+def test_a_method_trains_and_its_seed_decides_all(
+    family: str, method: str, known: dict[str, FittedTables]
+) -> None:
     initial, rows = transferred(family, METHODS[method](), known[family])
     _, again = transferred(family, METHODS[method](), known[family])
     _, other = transferred(family, METHODS[method](), known[family], seed=2)
@@ -114,7 +116,9 @@ def test_a_method_trains_and_its_seed_decides_all(family: str, method: str, know
 
 
 @pytest.mark.parametrize(("family", "method"), EVERY)
-def test_a_run_is_whole_in_its_file(family: str, method: str, known: dict[str, Fit], tmp_path: Path) -> None:
+def test_a_run_is_whole_in_its_file(
+    family: str, method: str, known: dict[str, FittedTables], tmp_path: Path
+) -> None:
     made = METHODS[method]()
     initial, rows = transferred(family, made, known[family])
     targets = targets_of(family)
@@ -155,10 +159,10 @@ ALWAYS_SHAPES = {"drs"}  # by a distance that no knowledge takes away
 
 @pytest.mark.parametrize("family", CASES)
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in ALWAYS_SHAPES])
-def test_knowing_nothing_a_method_is_zero(family: str, method: str, known: dict[str, Fit]) -> None:
+def test_knowing_nothing_a_method_is_zero(family: str, method: str, known: dict[str, FittedTables]) -> None:
     """From sources that are worth nothing every method starts, shapes and follows as plain learning does, bit for bit."""
     blank = known[family]
-    tables = {name: np.zeros_like(getattr(blank, name)) for name in Fit.TABLES}
+    tables = {name: np.zeros_like(getattr(blank, name)) for name in FittedTables.TABLES}
     tables |= {"mu": np.full_like(blank.mu, -np.inf), "n": np.full_like(blank.n, SOURCES)}
     nothing = replace(blank, **tables, value_mean=np.zeros_like(blank.value_mean))
     targets, made = targets_of(family), METHODS[method](**NEUTRAL.get(method, {}))
@@ -175,7 +179,7 @@ def test_knowing_nothing_a_method_is_zero(family: str, method: str, known: dict[
     ("family", "method"), [(family, method) for family, method in EVERY if issubclass(METHODS[method], Plus)]
 )
 def test_every_initialisation_starts_every_plus(
-    family: str, method: str, init: str, known: dict[str, Fit]
+    family: str, method: str, init: str, known: dict[str, FittedTables]
 ) -> None:
     initial, rows = transferred(family, METHODS[method](init=init), known[family])  # type: ignore[call-arg]
     start, _ = transferred(family, METHODS[init](), known[family])
@@ -184,13 +188,13 @@ def test_every_initialisation_starts_every_plus(
 
 
 @pytest.mark.parametrize("family", [family for family in CASES if (family, "drs") not in EVERY])
-def test_without_a_distance_drs_is_refused_in_a_sentence(family: str, known: dict[str, Fit]) -> None:
+def test_without_a_distance_drs_is_refused_in_a_sentence(family: str, known: dict[str, FittedTables]) -> None:
     with pytest.raises(NotAllowed, match=f"^{small(family).name} has no distance to its goal"):
         transferred(family, METHODS["drs"](), known[family])
 
 
 @pytest.mark.parametrize("family", CASES)
-def test_ops_tl_without_a_library_is_zero(family: str, known: dict[str, Fit]) -> None:
+def test_ops_tl_without_a_library_is_zero(family: str, known: dict[str, FittedTables]) -> None:
     _, plain = transferred(family, METHODS["zero"](), known[family])
     _, rows = transferred(family, METHODS["ops-tl"](library=0), known[family])  # type: ignore[call-arg]
     for name in plain.keys() - {"seconds"}:

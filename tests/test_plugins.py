@@ -19,7 +19,7 @@ import pytest
 from qinit_cli.commands.reproduce.expected import expected
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.methods import METHODS
-from qinit_cli.paper.experiments import Fit, Run, Sources
+from qinit_cli.paper.experiments import PlannedFit, PlannedRun, PlannedSources
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = Path(__file__).parent / "example_plugin"
@@ -155,7 +155,7 @@ def test_verdicts_pass_over_what_no_claim_is_about(made: Made) -> None:
 def test_what_a_run_would_take_is_estimated_as_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLE))
     hopeful = importlib.import_module("qinit_corridor.hopeful").Hopeful()
-    run = Run(Fit(Sources(Gridworld(size=6, variance=2), 0, 4, 50)), hopeful, 3, 20)
+    run = PlannedRun(PlannedFit(PlannedSources(Gridworld(size=6, variance=2), 0, 4, 50)), hopeful, 3, 20)
     usual = replace(run, method=METHODS["logqinit-median"]())
     one, other = expected([run, usual], 1).values()
     assert one == other

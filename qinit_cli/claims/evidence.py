@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from qinit_cli.arrays import Flags, Floats
-from qinit_cli.claims.scores import Scores
+from qinit_cli.claims.scores import Arms
 from qinit_cli.claims.setting import Setting
 
 
@@ -57,5 +57,5 @@ class Evidence:
     values: Mapping[Setting, tuple[Values, ...]] = field(default_factory=dict)
     tested: Mapping[Setting, tuple[LengthTests, ...]] = field(default_factory=dict)
     maps: Mapping[Setting, tuple[Maps, ...]] = field(default_factory=dict)
-    scores: Mapping[Setting, Scores] = field(default_factory=dict)
+    scores: Mapping[Setting, Arms] = field(default_factory=dict)
     passed_over: tuple[str, ...] = ()  # names of artefacts that no claim is about

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Sequence
 from qinit_cli.claims.claim import RANK_SETS, Claim, Finding
 from qinit_cli.claims.evidence import Evidence
 from qinit_cli.claims.over_sets import OverSets
-from qinit_cli.claims.scores import Pair, Scores
+from qinit_cli.claims.scores import Arms, Pair
 from qinit_cli.claims.setting import (
     ASKED_NOISES,
     GRIDWORLD,
@@ -57,7 +57,7 @@ def against(method: str, *others: str) -> list[Pair]:
 
 
 def pair_findings(
-    setting: Setting, scores: Scores, deciding: Sequence[Pair], beside: Sequence[Pair] = ()
+    setting: Setting, scores: Arms, deciding: Sequence[Pair], beside: Sequence[Pair] = ()
 ) -> Iterator[Finding]:
     """A row for each pair there is; the claim holds where the first is ahead. Holm's correction is over the deciding pairs.
 
@@ -114,7 +114,7 @@ def by_noise(evidence: Evidence) -> Iterator[Finding]:
         yield from pair_findings(setting, scores, pairs, [*told, *against(MEDIAN, PLAIN_MEAN)])
 
 
-def _of(evidence: Evidence, family: str) -> Iterator[tuple[Setting, Scores]]:
+def _of(evidence: Evidence, family: str) -> Iterator[tuple[Setting, Arms]]:
     for setting, scores in evidence.scores.items():
         if setting.family == family:
             yield setting, scores

@@ -50,7 +50,7 @@ class Contrast(OverSets):
 
 
 @dataclass(frozen=True)
-class Scores:
+class Arms:
     """Methods that met the same targets."""
 
     arms: Mapping[str, Arm]  # by label: "ops-tl+logqinit-median rho=1.0"

@@ -17,8 +17,8 @@ from qinit_store.wording import shell_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.comparison.rows import Comparison
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.rows import GroupComparison
+    from qinit_cli.comparison.runs import ComparedRun
 
 SCHEMA = "qinit.compare/1"
 
@@ -105,7 +105,7 @@ def compare(
     print_table(SCHEMA, columns, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
 
 
-def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
+def told(comparisons: list[GroupComparison], metric: str) -> dict[str, Any]:
     """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
     from qinit_cli.comparison.table import plain_rows
 
@@ -124,7 +124,7 @@ def told(comparisons: list[Comparison], metric: str) -> dict[str, Any]:
     }
 
 
-def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: Display) -> None:
+def _say_what_is_missing(comparison: GroupComparison, comparing: Comparing, display: Display) -> None:
     """The commands that make the runs which differences and regret are counted from."""
     baseline = comparing.baseline
     if comparison.baseline is None:
@@ -141,19 +141,19 @@ def _say_what_is_missing(comparison: Comparison, comparing: Comparing, display: 
         )
 
 
-def read_runs(references: list[str], store: str, *, output: Path | None = None) -> list[Run]:
+def read_runs(references: list[str], store: str, *, output: Path | None = None) -> list[ComparedRun]:
     """The runs that the references name, verified; each once, those of one file name told apart by their folders.
 
     UsageError where `output`, the file that the command writes, is one of them.
     """
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references as named
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.runs import ComparedRun
 
-    found: dict[str, tuple[Path, Run]] = {}
+    found: dict[str, tuple[Path, ComparedRun]] = {}
     for path in named.many(references, store, output=output):
         with open_artefact(path, "run") as artefact:
-            found.setdefault(artefact.content_sha256, (path, Run.from_artefact(artefact)))
+            found.setdefault(artefact.content_sha256, (path, ComparedRun.from_artefact(artefact)))
     count = Counter(run.name for _, run in found.values())
     return [
         run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))

@@ -12,7 +12,7 @@ from qinit_cli.nearest import nearest
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.rows import Comparison
+    from qinit_cli.comparison.rows import GroupComparison
 
 MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
 NAMED = ("targets", "sets", "method")  # what a row is of
@@ -60,7 +60,7 @@ def for_people(columns: list[TableColumn]) -> list[TableColumn]:
     return [column for column in columns if column.key not in ("targets", "sets", *UNREMARKED)]
 
 
-def caption(comparison: Comparison, metric: str) -> str:
+def caption(comparison: GroupComparison, metric: str) -> str:
     """What the intervals are over, who is worse than learning from zero, why a ratio or p is missing, and what the marks mean."""
     rows = comparison.rows
     lines = [comparison.intervals]

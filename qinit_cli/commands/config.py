@@ -53,7 +53,7 @@ def config(context: typer.Context, listing: Listing, tabular: Tabular, display: 
         note(display, f"every option is at its default ({read}; no QINIT_* variable)")
 
 
-def _rows(root: Any, found: list[configuration.Setting]) -> Iterator[dict[str, Any]]:
+def _rows(root: Any, found: list[configuration.Configured]) -> Iterator[dict[str, Any]]:
     for command, parameters in walk(root):
         for parameter in parameters:
             variable = configuration.PREFIX + parameter.name.upper()

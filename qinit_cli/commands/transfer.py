@@ -19,7 +19,7 @@ from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, noun, plain
 
 if TYPE_CHECKING:
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.learning import Learning
     from qinit_cli.pipeline.job import Plan, Tally
     from qinit_cli.pipeline.transfer import TargetTasks
@@ -154,7 +154,7 @@ def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display
             )
 
 
-def _say_limits(method: Method, fit: Fit, family: Family, display: Display) -> None:
+def _say_limits(method: Method, fit: FittedTables, family: Family, display: Display) -> None:
     if family.warning:
         note(display, f"warning: {family.warning}")
     asked, there = method.library_wanted, len(fit.library_q)

@@ -10,7 +10,7 @@ from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
 
 if TYPE_CHECKING:
-    from qinit_store.verify import Verdict
+    from qinit_store.verify import Verification
 
 OPENING = "qinit_cli.artefacts.opening:open_doubtful"
 
@@ -53,7 +53,7 @@ def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Di
         verdict.raise_if_damaged()
 
 
-def _row(verdict: Verdict) -> dict[str, Any]:
+def _row(verdict: Verification) -> dict[str, Any]:
     return {
         "artefact": str(verdict.path),
         "kind": verdict.kind,

@@ -15,7 +15,7 @@ from qinit_cli.analysis.intervals import Estimate, Resampling
 from qinit_cli.analysis.permutation import LEVEL, adjusted, can_be_small, fewest_units
 from qinit_cli.comparison.distinctions import OF_SOURCES, Words, joined, separator, with_words
 from qinit_cli.comparison.estimates import Estimates, estimates
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, Scores, attainable, scores
 from qinit_cli.comparison.source_sets import Entry, Group, grouped, told_of_groups
 from qinit_cli.environments import label_of
@@ -42,7 +42,7 @@ class Row(Estimates):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class GroupComparison:
     """Methods that met the same targets."""
 
     title: str
@@ -56,7 +56,7 @@ class Comparison:
     untested: str  # why a row with a difference has no p, in words; empty where all have one
 
 
-def compare(runs: Sequence[Run], baseline: str, metric: Metric) -> list[Comparison]:
+def compare(runs: Sequence[ComparedRun], baseline: str, metric: Metric) -> list[GroupComparison]:
     """One comparison per group of runs that may be compared, in order of appearance.
 
     `baseline` is a method's label or an artefact's name; "" for averages alone. One source set: intervals over targets.
@@ -80,7 +80,7 @@ def remark(method: str) -> str:
     return ", ".join(name for name, holds in remarks.items() if holds)
 
 
-def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Comparison:
+def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> GroupComparison:
     from qinit_store.spec import canonical_json
 
     base = _baseline(group, baseline)
@@ -92,7 +92,7 @@ def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Comp
     }
     rows = [_row(entry, None if entry is base else base, metric, scored, group) for entry in group.entries]
     targets, episodes = group.any_run.steps.shape
-    return Comparison(
+    return GroupComparison(
         title=title,
         distribution=canonical_json(group.any_run.spec["family"]),
         intervals=_intervals(group),
@@ -135,7 +135,7 @@ def _title(group: Group, words: Words) -> str:
     return f"{label}, {sets}{told} of seed {group.any_run.spec['seed']}, {counted}"
 
 
-def _check_baseline(comparisons: list[Comparison], baseline: str) -> None:
+def _check_baseline(comparisons: list[GroupComparison], baseline: str) -> None:
     """NotAllowed where one distribution's runs met other targets than its baseline; UsageError for a name nobody has."""
     if not baseline:
         return

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Run:
+class ComparedRun:
     """Steps and goals of T target tasks over E episodes, with the settings that they were learned with."""
 
     name: str  # the artefact's, without its ending
@@ -70,7 +70,7 @@ class Run:
         """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
         return {name: value for name, value in self.spec["source_set"].items() if name != "sources"}
 
-    def first(self, count: int) -> Run:
+    def first(self, count: int) -> ComparedRun:
         """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""
         if count > len(self.steps):
             raise NotAllowed(f"{self.name} has {counted(len(self.steps), 'target')}; {count} are needed")
@@ -88,7 +88,7 @@ class Run:
             target_digest=_target_digest(self.spec, drawn),
         )
 
-    def greedy(self) -> Run:
+    def greedy(self) -> ComparedRun:
         """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
         if self.evaluation_steps is None or self.evaluation_reached is None:
             if self.spec.get("evaluate_every"):
@@ -106,7 +106,7 @@ class Run:
         )
 
     @classmethod
-    def from_artefact(cls, artefact: Artefact) -> Run:
+    def from_artefact(cls, artefact: Artefact) -> ComparedRun:
         """The run in an artefact, every task's digest verified."""
         spec = artefact.spec
         parameters = _parameters(spec)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Group
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Arrival:
     reached: Flags  # (T,) whether one is
 
 
-def scores(run: Run, metric: Metric, possible: Floats | None) -> Scores:
+def scores(run: ComparedRun, metric: Metric, possible: Floats | None) -> Scores:
     """The scores of a run; without regret and arrival where it is not known what is `possible`, (T,)."""
     from qinit_cli.analysis import returns
 
@@ -59,7 +59,7 @@ def scores(run: Run, metric: Metric, possible: Floats | None) -> Scores:
     )
 
 
-def curve(run: Run, metric: Metric) -> Floats:
+def curve(run: ComparedRun, metric: Metric) -> Floats:
     """What the metric says of every episode, (T, E)."""
     from qinit_cli.analysis import returns
 
@@ -72,7 +72,7 @@ def curve(run: Run, metric: Metric) -> Floats:
             return returns.restricted_steps(run.steps, run.horizon)
 
 
-def attainable(group: Group) -> Callable[[Run], Floats] | None:
+def attainable(group: Group) -> Callable[[ComparedRun], Floats] | None:
     """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
     The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the

@@ -21,7 +21,7 @@ from qinit_cli.comparison.distinctions import (
     told_apart,
     with_words,
 )
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.errors import NotAllowed
 
 VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
@@ -32,14 +32,14 @@ class Entry:
     """One method with one choice of options: its runs, one for each source set."""
 
     label: str  # the method, with the settings that tell it from the others it is shown with
-    runs: tuple[Run, ...]
+    runs: tuple[ComparedRun, ...]
 
     @property
     def method(self) -> str:
         """The method's name."""
         return self.runs[0].method
 
-    def beside(self, run: Run) -> Run | None:
+    def beside(self, run: ComparedRun) -> ComparedRun | None:
         """This method's run on the same targets and from the same source set as `run`; None if there is none.
 
         A method that reads no sources is the same from every set, so that one run of it serves all.
@@ -74,12 +74,12 @@ class Group:
     entries: tuple[Entry, ...]
 
     @property
-    def any_run(self) -> Run:
+    def any_run(self) -> ComparedRun:
         """A run; what groups have in common can be read from any."""
         return self.entries[0].runs[0]
 
 
-def grouped(runs: Sequence[Run]) -> list[Group]:
+def grouped(runs: Sequence[ComparedRun]) -> list[Group]:
     """The groups, in order of appearance; a run that is named twice counts once.
 
     NotAllowed where runs of the same targets have other exact values of them: those were not the same targets.
@@ -145,7 +145,7 @@ def _distinct(entries: Sequence[tuple[Entry, Words]], varying: set[str]) -> tupl
     return tuple(replace(entry, label=label) for (entry, _), label in zip(entries, labels, strict=True))
 
 
-def _expect_equal_values(runs: list[Run]) -> None:
+def _expect_equal_values(runs: list[ComparedRun]) -> None:
     import numpy as np
 
     known = [(run.name, run.v_star) for run in runs if run.v_star is not None]
@@ -167,7 +167,7 @@ def _where_equal(labels: Sequence[str], ends: Sequence[str]) -> list[str]:
     return [label + end if count[label] > 1 else label for label, end in zip(labels, ends, strict=True)]
 
 
-def _groups(runs: list[Run]) -> list[Group]:
+def _groups(runs: list[ComparedRun]) -> list[Group]:
     by_targets = _by(runs, lambda run: run.target_digest)
     if len(by_targets) == 1:
         return [Group(_sets(runs), True, _entries(runs))]
@@ -176,7 +176,7 @@ def _groups(runs: list[Run]) -> list[Group]:
     return [Group(_sets(met), True, _entries(met)) for met in by_targets]
 
 
-def _entries(runs: list[Run]) -> tuple[Entry, ...]:
+def _entries(runs: list[ComparedRun]) -> tuple[Entry, ...]:
     earlier: Counter[Any] = Counter()
     copies: dict[str, int] = {}  # of what was run before on the same targets from the same source set
     for run in runs:
@@ -193,23 +193,23 @@ def _entries(runs: list[Run]) -> tuple[Entry, ...]:
     )
 
 
-def _options(run: Run) -> tuple[str, str, str, str]:
+def _options(run: ComparedRun) -> tuple[str, str, str, str]:
     fitted = run.fitted if run.reads_sources else {}
     return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
 
 
-def _sets(runs: Sequence[Run]) -> int:
+def _sets(runs: Sequence[ComparedRun]) -> int:
     return len({run.source_set for run in runs})
 
 
-def _distribution(run: Run) -> tuple[str, str, tuple[int, ...]]:
+def _distribution(run: ComparedRun) -> tuple[str, str, tuple[int, ...]]:
     met = {name: value for name, value in run.spec["learning"].items() if name not in ("alpha", "epsilon")}
     return _canonical(run.spec["family"]), _canonical(met), run.steps.shape
 
 
-def _by(runs: Sequence[Run], key: Any) -> list[list[Run]]:
+def _by(runs: Sequence[ComparedRun], key: Any) -> list[list[ComparedRun]]:
     """The runs in lists of equal key, in order of appearance."""
-    lists: dict[Any, list[Run]] = {}
+    lists: dict[Any, list[ComparedRun]] = {}
     for run in runs:
         lists.setdefault(key(run), []).append(run)
     return list(lists.values())

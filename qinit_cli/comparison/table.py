@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Estimate
-    from qinit_cli.comparison.rows import Comparison, Row
+    from qinit_cli.comparison.rows import GroupComparison, Row
 
 
-def plain_rows(comparisons: Iterable[Comparison], metric: str) -> list[dict[str, Any]]:
+def plain_rows(comparisons: Iterable[GroupComparison], metric: str) -> list[dict[str, Any]]:
     """A row for each method on each set of targets: numbers with their bounds, None where there is none."""
     return [
         _values(row, metric) | {"targets": comparison.title}

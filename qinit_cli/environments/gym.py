@@ -18,7 +18,7 @@ from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_c
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, with_values
 from qinit_cli.environments.gym_making import Settings, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
-from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, Table, named, table, verdict
+from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import with_module
 from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
@@ -399,7 +399,7 @@ class Gym(TableFamily):
         """What the task's environment is made with."""
         return with_values(self._settings, [(each, task[each.column].item()) for each in self._variations])
 
-    def _table(self, task: Any) -> Table:
+    def _table(self, task: Any) -> TransitionTable:
         settings = self._of(task)
         one = table(self.env_id, settings, self.goal or "")
         shortest_cut(self.env_id, settings)  # refuses what no seed brings back
@@ -433,7 +433,7 @@ class Gym(TableFamily):
                 played.append((trail, state == GOAL))
         return played
 
-    def _values(self) -> tuple[Table, Floats]:
+    def _values(self) -> tuple[TransitionTable, Floats]:
         """An example's table, and its exact values, (S,)."""
         import numpy as np
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_episodes import numbered, reset_state
 from qinit_cli.environments.gym_making import Settings, opened
-from qinit_cli.environments.gym_tables import Table, read, table
+from qinit_cli.environments.gym_tables import TransitionTable, read, table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,7 +49,7 @@ Outcome = tuple[int, bool, float]  # the next state, whether the episode ends, a
 class _Sampled:
     """What was seen so far, beside what the table says."""
 
-    table: Table
+    table: TransitionTable
     said: list[list[dict[Outcome, float]]]  # of each state and action, the chance of each outcome
     tried: Counter[tuple[int, int]] = field(default_factory=Counter)
     came: defaultdict[tuple[int, int], Counter[Outcome]] = field(default_factory=lambda: defaultdict(Counter))
@@ -158,7 +158,7 @@ def _least_tried(sampled: _Sampled, state: int, ties: np.ndarray[Any, Any]) -> i
     return min(actions, key=lambda action: sampled.tried[state, action])
 
 
-def _ways_to_the_goal(there: Table) -> Integers:
+def _ways_to_the_goal(there: TransitionTable) -> Integers:
     """The action of each state that most likely leads to the goal soon, (S,)."""
     import numpy as np
 

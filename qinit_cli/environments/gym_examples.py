@@ -9,7 +9,7 @@ from typing import Any
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_agreement import disagreement
 from qinit_cli.environments.gym_making import Settings, opened
-from qinit_cli.environments.gym_tables import End, Table, table
+from qinit_cli.environments.gym_tables import End, TransitionTable, table
 from qinit_cli.environments.variation import Variation
 from qinit_cli.errors import NotAllowed, UsageError
 
@@ -92,7 +92,7 @@ def _if_sound(does: Callable[[Settings], Any], settings: Settings) -> Iterator[A
         return
 
 
-def _table_of(env_id: str, goal: str) -> Callable[[Settings], Table]:
+def _table_of(env_id: str, goal: str) -> Callable[[Settings], TransitionTable]:
     return lambda settings: table(env_id, settings, goal)
 
 

@@ -30,7 +30,7 @@ End = tuple[float, int]  # the reward, and the state in which the episode ends
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class TransitionTable:
     """One task's transitions, O outcomes at most."""
 
     after: NDArray[np.int32]  # (S, A, O) the next state, stepping.GOAL or stepping.LOST
@@ -67,7 +67,7 @@ def verdict(goal: str) -> Callable[[Any], bool]:
 
 
 @lru_cache(KEPT)
-def table(env_id: str, settings: Settings, goal: str) -> Table:
+def table(env_id: str, settings: Settings, goal: str) -> TransitionTable:
     """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
@@ -96,7 +96,7 @@ def table(env_id: str, settings: Settings, goal: str) -> Table:
         chance[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
     shape = (len(there.ways), len(there.ways[0]), most)
     goals = frozenset(end for end in ends if reached(end[0]))
-    return Table(
+    return TransitionTable(
         after.reshape(shape), chance.reshape(shape), there.start, open, goals, frozenset(ends) - goals
     )
 

@@ -30,7 +30,7 @@ FIT_ROOM = 1.3  # of the tallest bar: how far up the normal is shown
 
 
 @dataclass(frozen=True)
-class Lengths:
+class DrawnLengths:
     """One distribution's lengths, and what is said of them."""
 
     name: str
@@ -39,7 +39,7 @@ class Lengths:
     floor: bool  # all tasks are alike: what spreads is learning
 
 
-def eopl(shown: Sequence[Lengths], title: str, width: float = TEXT) -> Figure:
+def eopl(shown: Sequence[DrawnLengths], title: str, width: float = TEXT) -> Figure:
     """Histograms below each other, densities beside or beneath them. Call it within `house_style`."""
     import numpy as np
     from matplotlib.figure import Figure
@@ -88,7 +88,7 @@ def _edges(samples: Sequence[Floats]) -> Floats:
     return edges
 
 
-def _histogram(axes: Axes, each: Lengths, edges: Floats, room: float) -> None:
+def _histogram(axes: Axes, each: DrawnLengths, edges: Floats, room: float) -> None:
     import numpy as np
     from matplotlib.ticker import MaxNLocator
 
@@ -106,7 +106,7 @@ def _histogram(axes: Axes, each: Lengths, edges: Floats, room: float) -> None:
     plain_numbers(axes.xaxis)
 
 
-def _densities(axes: Axes, shown: Sequence[Lengths], at: Floats) -> None:
+def _densities(axes: Axes, shown: Sequence[DrawnLengths], at: Floats) -> None:
     """Smooth densities; the floor is an area behind the lines, its peak cut off where it would flatten them."""
     from matplotlib.ticker import MaxNLocator
 

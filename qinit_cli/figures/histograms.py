@@ -28,7 +28,7 @@ HEIGHT = 5.6  # inches
 
 
 @dataclass(frozen=True)
-class Shown:
+class StateHistograms:
     """A state-action's sample and what stands above its histograms."""
 
     sample: ValueSample
@@ -36,7 +36,7 @@ class Shown:
     of_logarithms: str
 
 
-def histograms(shown: Sequence[Shown], title: str, width: float = TEXT) -> Figure:
+def histograms(shown: Sequence[StateHistograms], title: str, width: float = TEXT) -> Figure:
     """A column a state-action: histogram of Q, histogram of ln Q, quantiles of ln Q. Call it within `house_style`."""
     from matplotlib.figure import Figure
 

@@ -34,7 +34,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Panel:
+class TuningPanel:
     """The lines of one combination of all parameters but two."""
 
     title: str
@@ -42,7 +42,7 @@ class Panel:
 
 
 def tuning(
-    panels: Sequence[Panel],
+    panels: Sequence[TuningPanel],
     values: Sequence[str],
     xlabel: str,
     ylabel: str,
@@ -88,7 +88,7 @@ def tuning(
     return figure
 
 
-def _panel(axes: Axes, panel: Panel, labels: Sequence[str], styles: dict[str, dict[str, Any]]) -> None:
+def _panel(axes: Axes, panel: TuningPanel, labels: Sequence[str], styles: dict[str, dict[str, Any]]) -> None:
     """Points and their intervals, those of one value beside each other; the default and the choice are marked."""
     import numpy as np
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.kernels.dice import Words, exploration_limit
-from qinit_cli.kernels.lane import Evaluation, Setting, Tasks, new_lanes
+from qinit_cli.kernels.lane import Evaluation, LaneSetting, Tasks, new_lanes
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
-from qinit_cli.kernels.posterior import Hypotheses, Posterior, new_posterior
+from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
@@ -192,9 +192,9 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: Learning) -> Setting:
+def _setting(learning: Learning) -> LaneSetting:
     exploration = exploration_limit(learning.epsilon)
-    return Setting(learning.alpha, learning.gamma, exploration, learning.episodes, learning.horizon)
+    return LaneSetting(learning.alpha, learning.gamma, exploration, learning.episodes, learning.horizon)
 
 
 def _evaluation(every: int, episodes: int, dice: Words | None, batch: int) -> Evaluation | None:
@@ -226,7 +226,7 @@ def _posterior(
     moments: Integers | None,
     lanes: int,
     shape: tuple[int, int, int],
-) -> Posterior | None:
+) -> PosteriorState | None:
     batch = shape[0]
     if hypotheses is None or len(hypotheses.q) == 0:
         return None

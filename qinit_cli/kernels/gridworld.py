@@ -39,7 +39,7 @@ ALL_ACTIONS = np.uint64(0b1111)
 ANYWHERE = -1
 
 
-class World(NamedTuple):
+class CellWorld(NamedTuple):
     """The gridworlds of a batch as the loop reads them."""
 
     neighbours: Any  # u4 (S * 4,)
@@ -88,10 +88,10 @@ class Gridworlds:
         """As they are: no goal makes episodes much longer than another."""
         return np.arange(len(self))
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, World]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Any, CellWorld]:
         """The compiled loop and the world it takes."""
         slip = (1.0 - self.p) / 3
-        world = World(
+        world = CellWorld(
             neighbours=neighbours(self.size),
             goal=np.ascontiguousarray(self.goal, np.int64),
             slips=slip_limit(np.stack([self.p, self.p + slip, self.p + 2 * slip], axis=1)),

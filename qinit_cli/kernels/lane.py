@@ -27,7 +27,7 @@ NEVER = 1 << 62  # episodes: a lane without a task never comes to its last
 TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 
 
-class Setting(NamedTuple):
+class LaneSetting(NamedTuple):
     """How a task is learned; `Learning` as the loops read it."""
 
     alpha: float

@@ -51,7 +51,7 @@ ANYWHERE, POINT, VALLEY = 0, 1, 2
 Place = Literal["point", "valley"]
 
 
-class World(NamedTuple):
+class CarWorld(NamedTuple):
     """The mountain cars of a batch as the loop reads them, and where those in the lanes are."""
 
     eta: Any  # f8 (B,) push of a task
@@ -107,13 +107,13 @@ class MountainCars:
         """Those first that are pushed back most: they take up to twelve times the steps of the others."""
         return np.argsort(self.eta, kind="stable")
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, World]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Any, CarWorld]:
         """The compiled loop and the world it takes."""
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
         gusty = self.noise > 0
         target_start = POINT if self.start == "point" else VALLEY
-        world = World(
+        world = CarWorld(
             eta=np.ascontiguousarray(self.eta, np.float64),
             hill=float(self.hill),
             bins=self.bins,

@@ -53,7 +53,7 @@ class Hypotheses:
         return exp(mean) if self.geometric else mean
 
 
-class Posterior(NamedTuple):
+class PosteriorState(NamedTuple):
     """The hypotheses of a batch, K of them padded to eights, and what the task of each lane thinks of them."""
 
     tables: int  # K without the padding
@@ -88,7 +88,7 @@ class Posterior(NamedTuple):
 
 def new_posterior(
     hypotheses: Hypotheses, alpha: float, gamma: float, moments: Integers, batch: int, lanes: int
-) -> Posterior:
+) -> PosteriorState:
     """What the loops need to weigh the hypotheses in that many lanes."""
     count, states, actions = hypotheses.q.shape
     padded = -(-count // EIGHT) * EIGHT
@@ -106,7 +106,7 @@ def new_posterior(
     precision: Floats = known / (hypotheses.td_var + hypotheses.floor**2)
     usual = hypotheses.td_var * (1.0 if hypotheses.centred else 0.0)
     logs = ln(np.where(known, hypotheses.q, 1.0)) if hypotheses.geometric else None
-    return Posterior(
+    return PosteriorState(
         tables=count,
         actions=actions,
         values=values,

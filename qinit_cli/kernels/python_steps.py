@@ -40,7 +40,7 @@ class Simulator(Protocol):
         ...
 
 
-class World(NamedTuple):
+class PythonWorld(NamedTuple):
     """Where the loop calls back."""
 
     start: int  # the address of a function of task and seed
@@ -92,7 +92,7 @@ class PythonWorlds:
 
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-        called = SteppedWorlds(World(*addresses), self.states, self.actions, self.dice)
+        called = SteppedWorlds(PythonWorld(*addresses), self.states, self.actions, self.dice)
         compiled, world = called.loop(learning, lanes)
 
         def advance(blocks: int, *arguments: Any) -> None:
@@ -129,11 +129,11 @@ def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
     return types.int64(types.int64, types.int64, types.int64), generate
 
 
-@starts(World)
+@starts(PythonWorld)
 def _start(world, task, lane, dice, anywhere):
     return _call(world.start, np.int64(task), np.int64(draw(dice) >> THIRTY_TWO))
 
 
-@steps(World, cuts=True)
+@steps(PythonWorld, cuts=True)
 def _step(world, task, lane, state, action, chance, dice):
     return _call(world.step, np.int64(task), np.int64(action))

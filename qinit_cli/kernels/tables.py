@@ -41,7 +41,7 @@ class Tables:
         """The tasks as the compiled loop takes them; `dice` u8 (B, 4) is not used, as a step's own chance is enough."""
         _, states, actions, _ = self.after.shape
         places = np.argsort(~self.open, axis=1, kind="stable").astype(np.int32)
-        world = World(
+        world = TableWorld(
             after=np.ascontiguousarray(self.after, np.int32),
             limits=_cumulative(self.chance),
             start=_cumulative(self.start),
@@ -51,7 +51,7 @@ class Tables:
         return SteppedWorlds(world, states, actions, dice)
 
 
-class World(NamedTuple):
+class TableWorld(NamedTuple):
     """The tables of a batch as the loop reads them."""
 
     after: Any  # i4 (B, S, A, O)
@@ -61,7 +61,7 @@ class World(NamedTuple):
     count: Any  # i8 (B,) of them
 
 
-@starts(World)
+@starts(TableWorld)
 def start(world, task, lane, dice, anywhere):
     """A state drawn from the target's starts, or any open one."""
     if anywhere:
@@ -69,7 +69,7 @@ def start(world, task, lane, dice, anywhere):
     return np.searchsorted(world.start[task], unit(dice), side="right")
 
 
-@steps(World)
+@steps(TableWorld)
 def step(world, task, lane, state, action, chance, dice):
     """The outcome whose share of [0, 1) the chance falls into."""
     outcome = 0

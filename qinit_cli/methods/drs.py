@@ -13,7 +13,7 @@ from qinit_cli.methods.zero import Zero
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -36,7 +36,7 @@ class Drs(Plus):
         """Whether the initialisation does."""
         return self.init != Zero.name
 
-    def potential(self, fit: Fit, targets: Targets) -> Floats:
+    def potential(self, fit: FittedTables, targets: Targets) -> Floats:
         """How near each state is to the goal, (S,), or (T, S) where goals differ."""
         linear = self.distance == "linear"
         return targets.family.nearness(targets.tasks, targets.learning.gamma, linear=linear)

@@ -9,7 +9,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -21,6 +21,6 @@ class LogQInitMean(Initialisation):
     formula: ClassVar[str] = "exp(mu + sigma^2/2)"
     look: ClassVar[Look] = Look("#56B4E9", "D", "////")
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """exp(mu + sigma^2/2), (S, A), by the fit's estimator."""
         return fit.lognormal_mean

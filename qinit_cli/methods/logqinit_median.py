@@ -10,7 +10,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -23,7 +23,7 @@ class LogQInitMedian(Initialisation):
     reference: ClassVar[bool] = True
     look: ClassVar[Look] = Look("#0072B2", "o")
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """exp(mu), (S, A), by the fit's estimator; NotAllowed where that has no median."""
         if fit.estimator == "shen":
             raise NotAllowed("this fit's estimator, shen, has no median; fit again with --estimator mle")

@@ -11,7 +11,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 ONE_SIGMA_BELOW = 0.15865525393145707  # Phi(-1)
@@ -33,7 +33,7 @@ class LogQInitQuantile(Initialisation):
     formula: ClassVar[str] = "exp(mu + z sigma), z = Phi^-1(quantile)"
     look: ClassVar[Look] = Look("#332288", "P", "....")
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """exp(mu + z sigma), (S, A); NotAllowed where the fit's estimator is not mle."""
         if fit.estimator != "mle":
             raise NotAllowed(

@@ -10,7 +10,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -26,6 +26,6 @@ class MaxQInit(Initialisation):
     formula: ClassVar[str] = "max_i Q_i"
     look: ClassVar[Look] = Look("#D55E00", "^", "....")
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """max_i Q_i, (S, A)."""
         return fit.max

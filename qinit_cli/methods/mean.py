@@ -9,7 +9,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -21,6 +21,6 @@ class Mean(Initialisation):
     formula: ClassVar[str] = "mean_i Q_i"
     look: ClassVar[Look] = Look("#888888", "v", "////")
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """mean_i Q_i over the sources with a positive value, (S, A)."""
         return fit.mean

@@ -18,7 +18,7 @@ from qinit_cli.methods.targets import Targets
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers
     from qinit_cli.environments.family import Family
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.kernels.posterior import Hypotheses
     from qinit_cli.learning import Learning
@@ -127,19 +127,19 @@ class Method:
                 told.append(spelled if value is True else f"{spelled}={value}")
         return told
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """First values, (S, A), NaN where no source knows; zeros."""
         import numpy as np
 
         return np.zeros_like(fit.mean)
 
-    def potential(self, fit: Fit, targets: Targets) -> Floats:
+    def potential(self, fit: FittedTables, targets: Targets) -> Floats:
         """Shaping potential, (S,); zeros."""
         import numpy as np
 
         return np.zeros(len(fit.value_mean))
 
-    def policies(self, fit: Fit, targets: Targets) -> Policies:
+    def policies(self, fit: FittedTables, targets: Targets) -> Policies:
         """Source policies to choose among, (K, S); no rows."""
         import numpy as np
 
@@ -147,11 +147,11 @@ class Method:
 
         return Policies(np.empty((0, len(fit.value_mean)), np.int64))
 
-    def filling(self, fit: Fit, start: Floats) -> float:
+    def filling(self, fit: FittedTables, start: Floats) -> float:
         """What stands where no source knows a pair."""
         return 0.0
 
-    def initial(self, fit: Fit, targets: Targets) -> Initial:
+    def initial(self, fit: FittedTables, targets: Targets) -> Initial:
         """The three arrays, every start filled where unknown and clipped to [0, 1], with the counts of both."""
         import numpy as np
 
@@ -167,7 +167,7 @@ class Method:
             clipped=int((clipped != known).sum()),
         )
 
-    def initial_of_all(self, fit: Fit, family: Family, learning: Learning) -> Initial:
+    def initial_of_all(self, fit: FittedTables, family: Family, learning: Learning) -> Initial:
         """The same where no target may be looked at; NotAllowed for a privileged method."""
         if self.privileged:
             raise NotAllowed(f"{self.name} starts from the target itself, not from a fit alone")
@@ -187,7 +187,7 @@ class Initialisation(Method):
         """Every initialisation's is."""
         return True
 
-    def filling(self, fit: Fit, start: Floats) -> float:
+    def filling(self, fit: FittedTables, start: Floats) -> float:
         import numpy as np
 
         if self.fallback == "zero" or np.isnan(start).all():

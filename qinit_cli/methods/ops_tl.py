@@ -15,7 +15,7 @@ from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
 
 if TYPE_CHECKING:
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.methods.targets import Targets
 
@@ -59,7 +59,7 @@ class OpsTl(Plus):
         """As many as its option says."""
         return self.library
 
-    def policies(self, fit: Fit, targets: Targets) -> Policies:
+    def policies(self, fit: FittedTables, targets: Targets) -> Policies:
         """The greedy policies of the first tables of the library, (K, S), and how they are chosen."""
         from qinit_cli.kernels.policies import Policies
 

@@ -10,7 +10,7 @@ from qinit_cli.methods.method import Look, Method
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -31,6 +31,6 @@ class Optimal(Method):
         """It reads the target alone."""
         return False
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """Q* of each target, (T, S, A)."""
         return targets.tables

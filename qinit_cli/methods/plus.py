@@ -11,7 +11,7 @@ from qinit_cli.methods.zero import Zero
 from qinit_cli.nearest import nearest
 
 if TYPE_CHECKING:
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -47,7 +47,7 @@ class Plus(Method):
         started = self.name if self.init == Zero.name else f"{self.name}+{self.init}"
         return " ".join([started, *self._changed()])
 
-    def initial(self, fit: Fit, targets: Targets) -> Initial:
+    def initial(self, fit: FittedTables, targets: Targets) -> Initial:
         """The initialisation's start, filled by its own rule where no source knows, with this method's other arrays."""
         started = initialisations()[self.init]().initial(fit, targets)
         return replace(started, potential=self.potential(fit, targets), policies=self.policies(fit, targets))

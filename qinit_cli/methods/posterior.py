@@ -15,13 +15,13 @@ from qinit_cli.methods.method import LARGEST_RETURN, Initial, Look, Method
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.environments.family import Family
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.kernels.posterior import Hypotheses
     from qinit_cli.methods.targets import Targets
 
 
 @dataclass(frozen=True)
-class Weighing:
+class EvidenceRule:
     """How fast a kind of evidence moves the weights."""
 
     temperature: float
@@ -31,7 +31,7 @@ class Weighing:
 
 # Where states are Markov an error that a table does not expect is evidence however large: its own goal was passed, or the
 # target's found. Elsewhere bins hide part of the state, and true tables err too: much cooler evidence, of many more goals.
-WEIGHING = {"centred": Weighing(0.05, 3, 200.0), "bounded": Weighing(0.01, 30, 5.0)}
+WEIGHING = {"centred": EvidenceRule(0.05, 3, 200.0), "bounded": EvidenceRule(0.01, 30, 5.0)}
 
 
 @dataclass(frozen=True)
@@ -99,21 +99,21 @@ class Posterior(Method):
             return "centred" if family.tabular else "bounded"
         return self.evidence
 
-    def _weighing(self, evidence: str) -> Weighing:
+    def _weighing(self, evidence: str) -> EvidenceRule:
         given = {
             name: value for name in asdict(WEIGHING[evidence]) if (value := getattr(self, name)) is not None
         }
         return replace(WEIGHING[evidence], **given)
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """The mean of the tables under equal weights, (S, A), NaN where none of them knows."""
         return self.hypotheses(fit, targets.family).mean()
 
-    def initial(self, fit: Fit, targets: Targets) -> Initial:
+    def initial(self, fit: FittedTables, targets: Targets) -> Initial:
         """The mean's start, and the tables with which learning goes on to change it."""
         return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit, targets.family))
 
-    def hypotheses(self, fit: Fit, family: Family) -> Hypotheses:
+    def hypotheses(self, fit: FittedTables, family: Family) -> Hypotheses:
         """The library's tables, within what a return can be, with the rules of weighing."""
         import numpy as np
 

@@ -12,7 +12,7 @@ from qinit_cli.methods.plus import Plus
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -32,7 +32,7 @@ class Ptrs(Plus):
     look: ClassVar[Look] = Look("#CC79A7", "<")
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 135, "mountain-car": 240}
 
-    def potential(self, fit: Fit, targets: Targets) -> Floats:
+    def potential(self, fit: FittedTables, targets: Targets) -> Floats:
         """mean_i max_a Q_i or max_a mean_i Q_i, (S,); 0 where no source knows the state."""
         import numpy as np
 

@@ -14,7 +14,7 @@ from qinit_cli.methods.method import Initialisation, Look
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.methods.targets import Targets
 
 
@@ -38,7 +38,7 @@ class Ucoi(Initialisation):
     look: ClassVar[Look] = Look("#E69F00", "s", "\\\\\\\\")
     reconstructed: ClassVar[bool] = True
 
-    def start(self, fit: Fit, targets: Targets) -> Floats:
+    def start(self, fit: FittedTables, targets: Targets) -> Floats:
         """(1-b) mean + b max, (S, A): c = n/(n+kappa) is confidence, u = 2 sd/(max-min), at most 1, uncertainty."""
         import numpy as np
 

@@ -53,7 +53,7 @@ PLUS_STARTS = ("logqinit-median", "logqinit-mean")
 
 
 @dataclass(frozen=True)
-class Sizes:
+class ScaleSizes:
     """How much of one family is learned."""
 
     sources: int
@@ -62,7 +62,7 @@ class Sizes:
     target_episodes: int
 
     @classmethod
-    def of(cls, family: type[Family]) -> Sizes:
+    def of(cls, family: type[Family]) -> ScaleSizes:
         """The family's own, which are the paper's."""
         return cls(
             family.source_tasks,
@@ -77,7 +77,7 @@ class Scale:
     """How much of everything is learned."""
 
     name: str
-    sizes: Mapping[str, Sizes]  # by family
+    sizes: Mapping[str, ScaleSizes]  # by family
     optimal: (
         int  # targets whose own tables are learned where no exact ones exist: each costs what a source does
     )
@@ -93,14 +93,17 @@ class Scale:
 SCALES = {
     "paper": Scale(
         "paper",
-        {name: Sizes.of(FAMILIES[name]) for name in (Gridworld.name, MountainCar.name)},
+        {name: ScaleSizes.of(FAMILIES[name]) for name in (Gridworld.name, MountainCar.name)},
         optimal=20,
         floor=20,
         floor_seeds=5,
     ),
     "quick": Scale(
         "quick",
-        {Gridworld.name: Sizes(40, 30_000, 40, 1_000), MountainCar.name: Sizes(30, 50_000, 30, 1_000)},
+        {
+            Gridworld.name: ScaleSizes(40, 30_000, 40, 1_000),
+            MountainCar.name: ScaleSizes(30, 50_000, 30, 1_000),
+        },
         optimal=10,
         floor=10,
         floor_seeds=3,
@@ -109,7 +112,7 @@ SCALES = {
 
 
 @dataclass(frozen=True)
-class Sources:
+class PlannedSources:
     """Source tasks of one distribution."""
 
     family: Family
@@ -119,18 +122,18 @@ class Sources:
 
 
 @dataclass(frozen=True)
-class Fit:
+class PlannedFit:
     """The fit of some sources."""
 
-    sources: Sources
+    sources: PlannedSources
     options: FitOptions = field(default_factory=FitOptions)
 
 
 @dataclass(frozen=True)
-class Run:
+class PlannedRun:
     """Targets learned from what a method makes of a fit."""
 
-    fit: Fit
+    fit: PlannedFit
     method: Method
     tasks: int
     episodes: int
@@ -141,12 +144,12 @@ class Run:
         return self.fit.sources.family
 
 
-Artefact = Sources | Fit | Run
+Artefact = PlannedSources | PlannedFit | PlannedRun
 Kind = Literal["heatmaps", "histograms", "normality", "curves", "bars", "occupancy", "eopl", "car"]
 
 
 @dataclass(frozen=True)
-class Picture:
+class PlannedPicture:
     """One picture, made of artefacts."""
 
     name: str  # of its file, without the ending
@@ -157,11 +160,11 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Table:
+class PlannedTable:
     """Runs side by side, as `qinit compare` has them."""
 
     name: str
-    runs: tuple[Run, ...]
+    runs: tuple[PlannedRun, ...]
     title: str
     first: int | None = None  # targets that count; None: all
 
@@ -172,7 +175,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class PlannedJudgement:
     """The paper's claims, as `qinit verdicts` judges them from artefacts."""
 
     artefacts: tuple[Artefact, ...]
@@ -181,7 +184,7 @@ class Judgement:
     title: str = "The paper's claims"
 
 
-Shown = Picture | Table | Judgement
+Shown = PlannedPicture | PlannedTable | PlannedJudgement
 
 
 @dataclass(frozen=True)
@@ -189,13 +192,13 @@ class Experiment:
     """What stands behind one figure of the paper."""
 
     name: str
-    pictures: tuple[Picture, ...]
-    tables: tuple[Table, ...] = ()
+    pictures: tuple[PlannedPicture, ...]
+    tables: tuple[PlannedTable, ...] = ()
 
     @property
     def artefacts(self) -> tuple[Artefact, ...]:
         """All that its pictures and tables are made of, each once."""
-        shown: tuple[Picture | Table, ...] = (*self.pictures, *self.tables)
+        shown: tuple[PlannedPicture | PlannedTable, ...] = (*self.pictures, *self.tables)
         return tuple(dict.fromkeys(artefact for each in shown for artefact in each.artefacts))
 
 
@@ -228,33 +231,33 @@ class Study:
         return self.scale.family(MountainCar, noise=SHOWN_NOISE)
 
     @property
-    def floor(self) -> tuple[Sources, ...]:
+    def floor(self) -> tuple[PlannedSources, ...]:
         """Tasks that are all alike, learned apart."""
         alike = self.scale.family(MountainCar, noise=0.0)
         episodes = self.scale.sizes[alike.name].source_episodes
         return tuple(
-            Sources(alike, seed, self.scale.floor, episodes) for seed in range(self.scale.floor_seeds)
+            PlannedSources(alike, seed, self.scale.floor, episodes) for seed in range(self.scale.floor_seeds)
         )
 
-    def sources(self, family: Family, seed: int = 0) -> Sources:
+    def sources(self, family: Family, seed: int = 0) -> PlannedSources:
         """The sources of one source set."""
         sizes = self.scale.sizes[family.name]
-        return Sources(family, seed, sizes.sources, sizes.source_episodes)
+        return PlannedSources(family, seed, sizes.sources, sizes.source_episodes)
 
-    def fit(self, family: Family, seed: int = 0) -> Fit:
+    def fit(self, family: Family, seed: int = 0) -> PlannedFit:
         """The fit of one source set."""
-        return Fit(self.sources(family, seed))
+        return PlannedFit(self.sources(family, seed))
 
-    def runs(self, family: Family, methods: Iterable[Method]) -> tuple[Run, ...]:
+    def runs(self, family: Family, methods: Iterable[Method]) -> tuple[PlannedRun, ...]:
         """The runs of each method from every source set; what reads no sources runs from the first alone."""
         sizes = self.scale.sizes[family.name]
         return tuple(
-            Run(self.fit(family, seed), method, sizes.targets, sizes.target_episodes)
+            PlannedRun(self.fit(family, seed), method, sizes.targets, sizes.target_episodes)
             for method in methods
             for seed in range(self.sets if method.reads_sources else 1)
         )
 
-    def optimal(self, family: Family) -> Run:
+    def optimal(self, family: Family) -> PlannedRun:
         """The reference: all targets where exact tables exist, else the first few."""
         [run] = self.runs(family, [Optimal()])
         return run if family.tabular else replace(run, tasks=min(run.tasks, self.scale.optimal))
@@ -280,18 +283,18 @@ def experiment(name: str, study: Study) -> Experiment:
     return FIGURES[name](study)
 
 
-def judgement(target: str, study: Study) -> Judgement:
+def judgement(target: str, study: Study) -> PlannedJudgement:
     """The claims that the figures of a target bear on; for whole environments with fits that test the path lengths."""
     shown = [artefact for name in TARGETS[target] for artefact in experiment(name, study).artefacts]
     whole = target not in FIGURES
     if "fig4" in TARGETS[target] and whole:
         tested = FitOptions(eopl_normality="rounded")
         shown += [
-            Fit(study.sources(family, seed), tested)
+            PlannedFit(study.sources(family, seed), tested)
             for family in study.gridworlds
             for seed in range(study.sets)
         ]
-    return Judgement(tuple(dict.fromkeys(shown)), whole)
+    return PlannedJudgement(tuple(dict.fromkeys(shown)), whole)
 
 
 def transfer(init: str) -> tuple[Method, ...]:
@@ -313,21 +316,21 @@ def _fig4(study: Study) -> Experiment:
         f"column for each distribution of goals. Each from {study.sources_told(study.gridworld)}."
     )
     return Experiment(
-        "fig4", (Picture("fig4", "heatmaps", fits, "Gridworld: initial values by method", caption),)
+        "fig4", (PlannedPicture("fig4", "heatmaps", fits, "Gridworld: initial values by method", caption),)
     )
 
 
 def _fig5(study: Study) -> Experiment:
     family, told = study.gridworld, study.sources_told(study.gridworld)
     title = f"Gridworld, {distribution(family)}"
-    values = Picture(
+    values = PlannedPicture(
         "fig5",
         "histograms",
         (study.sources(family),),
         f"{title}: values over source tasks",
         f"Histograms of Q and of ln Q with the fitted curves, and quantiles against the normal's; {told}.",
     )
-    normality = Picture(
+    normality = PlannedPicture(
         "fig5-normality",
         "normality",
         (study.fit(family),),
@@ -347,7 +350,7 @@ def _fig6(study: Study) -> Experiment:
             _curves(study, f"fig6-b-{init.removeprefix('logqinit-')}", (family,), "transfer", init)
             for init in PLUS_STARTS
         ),
-        Picture(
+        PlannedPicture(
             "fig6-c",
             "bars",
             bars,
@@ -356,7 +359,7 @@ def _fig6(study: Study) -> Experiment:
         ),
     )
     tables = (
-        Table(
+        PlannedTable(
             "fig6",
             tuple(dict.fromkeys((*_everything(study, family), *bars))),
             "Gridworld: methods on the same targets",
@@ -372,7 +375,8 @@ def _fig7(study: Study) -> Experiment:
         f"at all; {study.sources_told(study.car)} for each noise."
     )
     return Experiment(
-        "fig7", (Picture("fig7", "occupancy", sources, "Mountain Car: states on the optimal paths", caption),)
+        "fig7",
+        (PlannedPicture("fig7", "occupancy", sources, "Mountain Car: states on the optimal paths", caption),),
     )
 
 
@@ -386,7 +390,7 @@ def _fig8(study: Study) -> Experiment:
     return Experiment(
         "fig8",
         (
-            Picture(
+            PlannedPicture(
                 "fig8", "eopl", sources, "Mountain Car: expected optimal path lengths at the start", caption
             ),
         ),
@@ -399,7 +403,7 @@ def _fig9(study: Study) -> Experiment:
     bars = tuple(run for each in study.cars for run in study.runs(each, INITIALISATIONS))
     pictures = (
         _curves(study, "fig9-a", (family,), "initialisations"),
-        Picture(
+        PlannedPicture(
             "fig9-b",
             "bars",
             bars,
@@ -414,7 +418,7 @@ def _fig9(study: Study) -> Experiment:
 
 def _fig10(study: Study) -> Experiment:
     pictures = (
-        Picture(
+        PlannedPicture(
             f"fig10-{_in_a_name(family)}",
             "histograms",
             (study.sources(family),),
@@ -433,12 +437,14 @@ def _fig_a1(study: Study) -> Experiment:
         f"{study.scale.sizes[study.car.name].sources} source tasks."
     )
     title = f"Mountain Car with a push on the right hill, {distribution(study.car)}"
-    return Experiment("figA1", (Picture("figA1", "car", (study.sources(study.car),), title, caption),))
+    return Experiment("figA1", (PlannedPicture("figA1", "car", (study.sources(study.car),), title, caption),))
 
 
 def _fig_a2(study: Study) -> Experiment:
     shown = tuple(run for family in study.gridworlds for run in _everything(study, family))
-    table = Table("figA2", shown, "Gridworld: methods on the same targets, every distribution of goals")
+    table = PlannedTable(
+        "figA2", shown, "Gridworld: methods on the same targets, every distribution of goals"
+    )
     return Experiment("figA2", _both_curves(study, "figA2", study.gridworlds), (table,))
 
 
@@ -451,13 +457,13 @@ def _fig_a3(study: Study) -> Experiment:
     )
 
 
-def _both_curves(study: Study, name: str, families: tuple[Family, ...]) -> tuple[Picture, ...]:
+def _both_curves(study: Study, name: str, families: tuple[Family, ...]) -> tuple[PlannedPicture, ...]:
     return tuple(_curves(study, f"{name}-{kind}", families, kind) for kind in ("initialisations", "transfer"))
 
 
 def _curves(
     study: Study, name: str, families: tuple[Family, ...], kind: str, init: str = PLUS_STARTS[0]
-) -> Picture:
+) -> PlannedPicture:
     """Learning curves of one kind of methods, a panel for each distribution."""
     of = {"initialisations": "initialisation methods", "transfer": f"transfer methods, + started by {init}"}
     shown = [
@@ -472,12 +478,12 @@ def _curves(
     where = "Gridworld" if families[0].tabular else "Mountain Car"
     one = f", {distribution(families[0])}" if len(families) == 1 else ""
     caption = f"Mean over targets, smoothed over 20 episodes, with 95 % bands; {study.told(families[0])}."
-    return Picture(name, "curves", tuple(shown), f"{where}{one}: {of[kind]}", caption)
+    return PlannedPicture(name, "curves", tuple(shown), f"{where}{one}: {of[kind]}", caption)
 
 
 def _tables(
-    study: Study, name: str, title: str, families: tuple[Family, ...], shown: tuple[Run, ...]
-) -> tuple[Table, ...]:
+    study: Study, name: str, title: str, families: tuple[Family, ...], shown: tuple[PlannedRun, ...]
+) -> tuple[PlannedTable, ...]:
     """One of all targets, and one of those few that `optimal` met too, with regret."""
     references = tuple(study.optimal(family) for family in families)
     few = max(run.tasks for run in references)
@@ -485,16 +491,18 @@ def _tables(
     met = {run.family for run in methods}
     beside = (*methods, *(run for run in references if run.family in met))
     return (
-        Table(name, methods, f"{title}: methods on the same targets"),
-        Table(f"{name}-optimal", beside, f"{title}: on the first {few} targets, which optimal met too", few),
+        PlannedTable(name, methods, f"{title}: methods on the same targets"),
+        PlannedTable(
+            f"{name}-optimal", beside, f"{title}: on the first {few} targets, which optimal met too", few
+        ),
     )
 
 
-def _initialisations(study: Study, family: Family) -> tuple[Run, ...]:
+def _initialisations(study: Study, family: Family) -> tuple[PlannedRun, ...]:
     return (*study.runs(family, INITIALISATIONS), study.optimal(family))
 
 
-def _everything(study: Study, family: Family) -> tuple[Run, ...]:
+def _everything(study: Study, family: Family) -> tuple[PlannedRun, ...]:
     """Every method on one distribution."""
     more = [run for init in PLUS_STARTS for run in study.runs(family, transfer(init))]
     return tuple(dict.fromkeys((*_initialisations(study, family), *more, *study.runs(family, EXPLORING))))

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Entry, Group, grouped
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables
 from qinit_cli.paper import settings as paper_settings
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.claims.evidence import Evidence, Lengths, LengthTests, Maps, Values
-    from qinit_cli.claims.scores import Arm, Scores
+    from qinit_cli.claims.scores import Arm, Arms
     from qinit_cli.claims.verdict import Verdict
     from qinit_store.reading import Artefact
 
@@ -59,7 +59,7 @@ class _Read:
     values: dict[tuple[Setting, str], Values] = field(default_factory=dict)
     tested: dict[tuple[Setting, str], LengthTests] = field(default_factory=dict)
     maps: dict[tuple[Setting, str], Maps] = field(default_factory=dict)
-    runs: dict[str, Run] = field(default_factory=dict)  # without their episodes, by content hash
+    runs: dict[str, ComparedRun] = field(default_factory=dict)  # without their episodes, by content hash
     averages: dict[str, Floats] = field(default_factory=dict)  # (T,) by content hash
     passed_over: list[str] = field(default_factory=list)
 
@@ -105,7 +105,7 @@ class _Read:
 
         if artefact.content_sha256 in self.runs:
             return
-        run = replace(Run.from_artefact(artefact), name=artefact.content_sha256)
+        run = replace(ComparedRun.from_artefact(artefact), name=artefact.content_sha256)
         self.averages[run.name] = average(curve(run, "return"))
         # its episodes are let go: of a hundred runs they would fill 100 MB
         blank = np.broadcast_to(np.zeros((), np.int32), run.steps.shape)
@@ -198,9 +198,9 @@ def _maps(artefact: Artefact, family: Family) -> Maps:
     from qinit_cli.methods.plus import initialisations
     from qinit_cli.pipeline.fit_statistics import start
 
-    names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
+    names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
     arrays = {name: artefact.read(name) for name in names}
-    fit = Fit.from_arrays(arrays, family.goal_chances().size, artefact.spec["estimator"])
+    fit = FittedTables.from_arrays(arrays, family.goal_chances().size, artefact.spec["estimator"])
     methods = initialisations()
     return Maps(
         chances=family.goal_chances().reshape(family.shape),
@@ -210,9 +210,9 @@ def _maps(artefact: Artefact, family: Family) -> Maps:
     )
 
 
-def _scores(runs: Sequence[Run], averages: Mapping[str, Floats]) -> dict[Setting, Scores]:
+def _scores(runs: Sequence[ComparedRun], averages: Mapping[str, Floats]) -> dict[Setting, Arms]:
     """The scores in each setting; of several target sets that cannot be taken together, that of most source sets."""
-    found: dict[Setting, Scores] = {}
+    found: dict[Setting, Arms] = {}
     most: dict[Setting, int] = {}
     for group in grouped(runs):
         for setting, scores in _of_group(group, averages):
@@ -221,9 +221,9 @@ def _scores(runs: Sequence[Run], averages: Mapping[str, Floats]) -> dict[Setting
     return found
 
 
-def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Setting, Scores]]:
+def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Setting, Arms]]:
     """One for each way in which sources were drawn, learned and fitted; methods that read none join them all."""
-    from qinit_cli.claims.scores import Scores
+    from qinit_cli.claims.scores import Arms
     from qinit_store.spec import canonical_json
 
     def targets(entry: Entry) -> str:
@@ -239,11 +239,11 @@ def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Se
     for (learning, _), entries in reading.items():
         spec = entries[0].runs[0].spec
         arms = _arms([*entries, *free.get(learning, [])], averages)
-        yield paper_settings.of_run(spec, spec["source_set"]), Scores(arms, group.shared)
+        yield paper_settings.of_run(spec, spec["source_set"]), Arms(arms, group.shared)
     for learning, entries in free.items():
         if not any(learning == other for other, _ in reading):
             setting = paper_settings.of_run(entries[0].runs[0].spec, None)
-            yield setting, Scores(_arms(entries, averages), group.shared)
+            yield setting, Arms(_arms(entries, averages), group.shared)
 
 
 def _arms(entries: Iterable[Entry], averages: Mapping[str, Floats]) -> dict[str, Arm]:

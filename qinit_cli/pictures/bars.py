@@ -13,15 +13,15 @@ from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Estimate
-    from qinit_cli.comparison.rows import Comparison, Row
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.rows import GroupComparison, Row
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.comparison.scores import Metric
     from qinit_cli.figures.bars import Bars
     from qinit_cli.figures.drawn import Drawn
 
 
 def drawn(
-    runs: Sequence[Run],
+    runs: Sequence[ComparedRun],
     metric: Metric = "return",
     minus: str | None = None,
     *,
@@ -79,7 +79,7 @@ def _bounds(bars: Bars, at: int) -> str:
     return "" if low != low else f" ({number(low)} to {number(high)})"
 
 
-def _series(comparisons: list[Comparison], baseline: str | None) -> list[Bars]:
+def _series(comparisons: list[GroupComparison], baseline: str | None) -> list[Bars]:
     """One set of bars a method, with gaps where a group has no run of it."""
     import numpy as np
 

@@ -15,7 +15,7 @@ from qinit_store.wording import noun
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.arrays import Floats
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.comparison.scores import Metric
     from qinit_cli.comparison.source_sets import Entry, Group
     from qinit_cli.figures.curves import Curve, Panel
@@ -27,7 +27,7 @@ SMOOTH = 20  # episodes
 
 
 def drawn(
-    runs: Sequence[Run],
+    runs: Sequence[ComparedRun],
     metric: Metric = "return",
     smooth: int = SMOOTH,
     *,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Tasks
     from qinit_cli.environments import Family
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.figures.eopl import Lengths
+    from qinit_cli.figures.eopl import DrawnLengths
     from qinit_cli.pictures.distributions import Distribution
 
 MOST = 7  # distributions that are legible below each other
@@ -70,13 +70,13 @@ def _place(family: Family) -> tuple[int, ...]:
     )
 
 
-def _shown(name: str, one: Distribution) -> Lengths:
+def _shown(name: str, one: Distribution) -> DrawnLengths:
     """The lengths as they are drawn."""
     import numpy as np
 
     from qinit_cli.analysis.length_sample import LengthSample
     from qinit_cli.analysis.rounded_normal import RESAMPLES
-    from qinit_cli.figures.eopl import Lengths
+    from qinit_cli.figures.eopl import DrawnLengths
     from qinit_cli.seeding import Stream, generator
 
     sample = LengthSample.of(np.concatenate(one.found))
@@ -88,4 +88,4 @@ def _shown(name: str, one: Distribution) -> Lengths:
     verdict = f"W = {statistic:.3f}, p {'≤' if p <= least else '='} {p:.2g}"
     words = counted + moments + ("not testable" if np.isnan(p) else verdict)
     floor = one.alike
-    return Lengths(f"{name}, noise floor" if floor else name, words, sample, floor)
+    return DrawnLengths(f"{name}, noise floor" if floor else name, words, sample, floor)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.environments import Family
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.figures.histograms import Shown
+    from qinit_cli.figures.histograms import StateHistograms
     from qinit_store.reading import Artefact
 
 MOST_STATES = {COLUMN: 2, TEXT: 4}  # that are legible side by side
@@ -49,7 +49,7 @@ def drawn(
     return Drawn(figure, title or f"Histograms of Q, {own}", _alt(shown, own))
 
 
-def _alt(shown: list[Shown], own: str) -> str:
+def _alt(shown: list[StateHistograms], own: str) -> str:
     """The size, the median and both tests of each state-action."""
     parts = [
         ", ".join(" ".join(state.of_values.split("\n")[:2]).split(", masked 0"))
@@ -105,19 +105,19 @@ def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
     return np.concatenate([block["q"][:, *places] for block in blocks])
 
 
-def _shown(name: str, values: Floats, family: Family) -> Shown:
+def _shown(name: str, values: Floats, family: Family) -> StateHistograms:
     """The sample (N, A) of one state as it is drawn."""
     import numpy as np
 
     from qinit_cli.analysis.value_sample import ValueSample, shapiro_wilk_of
-    from qinit_cli.figures.histograms import Shown
+    from qinit_cli.figures.histograms import StateHistograms
 
     positive = values > 0
     # as the fit counts it: over the tasks with a positive value
     means = np.sum(values, axis=0, where=positive) / np.maximum(positive.sum(axis=0), 1)
     greedy = int(means.argmax())
     sample = ValueSample.of(values[:, greedy])
-    return Shown(
+    return StateHistograms(
         sample=sample,
         of_values=f"{name}, {family.actions[greedy]}\nn = {sample.values.size}, masked {sample.masked}\n"
         + _verdict(*shapiro_wilk_of(sample.values)),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from qinit_cli.figures.drawn import Drawn
-    from qinit_cli.figures.tuning import Line, Panel
+    from qinit_cli.figures.tuning import Line, TuningPanel
     from qinit_cli.pipeline.tuning import Candidate, Choice
 
 MOST_LINES, MOST_PANELS = 7, 12  # that can be told apart, and that fit on a page
@@ -51,8 +51,8 @@ def _values(choice: Choice, name: str) -> list[float]:
     return sorted({one.parameters[name] for one in choice.candidates})
 
 
-def _panels(choice: Choice, along: str, lines: Sequence[str], panels: Sequence[str]) -> list[Panel]:
-    from qinit_cli.figures.tuning import Panel
+def _panels(choice: Choice, along: str, lines: Sequence[str], panels: Sequence[str]) -> list[TuningPanel]:
+    from qinit_cli.figures.tuning import TuningPanel
 
     places = {value: place for place, value in enumerate(_values(choice, along))}
     groups: dict[str, dict[str, list[Candidate]]] = {}
@@ -69,7 +69,7 @@ def _panels(choice: Choice, along: str, lines: Sequence[str], panels: Sequence[s
             "and qinit export writes the numbers"
         )
     return [
-        Panel(own, [_line(label, found, along, places) for label, found in group.items()])
+        TuningPanel(own, [_line(label, found, along, places) for label, found in group.items()])
         for own, group in groups.items()
     ]
 

@@ -236,7 +236,7 @@ class Cluster(Executor):
 
     def outcomes(self, tasks: Integers, tick: Callable[[], None]) -> Iterator[Outcome]:
         """What became of the tasks with these ids, batch by batch; `tick` is called about ten times a second."""
-        sizes = Sizes(self._errand.schema.task_bytes)
+        sizes = BatchSizes(self._errand.schema.task_bytes)
 
         def look() -> None:
             self._look()
@@ -379,7 +379,7 @@ class Cluster(Executor):
 
 
 @dataclass
-class Sizes:
+class BatchSizes:
     """How many tasks make a batch: those of the threads, joined until a batch is worth what scheduling it costs."""
 
     task_bytes: int

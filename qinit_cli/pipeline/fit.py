@@ -57,7 +57,7 @@ def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> d
 
     from qinit_cli.analysis.moments import source_moments
 
-    library = _Library(library_size(selection, options))
+    library = _KeptTables(library_size(selection, options))
     kept = kept_of(blocks, selection.kept)
     moments = source_moments((block["q"], block["eopl"]) for block in library.reading(kept))
     return _tables(moments, options.estimator) | {
@@ -83,7 +83,7 @@ def kept_of(blocks: Iterable[Block], kept: Flags) -> Iterator[Block]:
             yield {name: values[chosen] for name, values in block.items()}
 
 
-class _Library:
+class _KeptTables:
     """Keeps the first tables of the blocks that pass through."""
 
     def __init__(self, size: int) -> None:

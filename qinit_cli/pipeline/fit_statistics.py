@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods.method import Method
 from qinit_cli.methods.plus import initialisations
 from qinit_cli.pipeline.fit import Block, kept_of
@@ -121,7 +121,9 @@ def statistics(sample: Block, origin: Origin, options: FitOptions) -> dict[str, 
     return arrays
 
 
-def held_out_errors(blocks: Iterable[Block], held: Flags, fit: Fit, origin: Origin) -> dict[str, Any]:
+def held_out_errors(
+    blocks: Iterable[Block], held: Flags, fit: FittedTables, origin: Origin
+) -> dict[str, Any]:
     """How far each initialisation's start is from the tables of the tasks that are `held`, (I, H) each.
 
     `blocks` partitions the tasks that `held` is of. NaN where the fit's estimator has no such start.
@@ -254,12 +256,12 @@ def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str
     }
 
 
-def start(method: Method, fit: Fit, family: Family) -> Floats:
+def start(method: Method, fit: FittedTables, family: Family) -> Floats:
     """What an initialisation starts from, (S, A); NotAllowed where the fit's estimator has no such start."""
     return method.initial_of_all(fit, family, family.target_learning).start
 
 
-def _starts(fit: Fit, family: Family) -> list[Floats]:
+def _starts(fit: FittedTables, family: Family) -> list[Floats]:
     """Each initialisation's start, (S, A), with its default options; NaN where the fit's estimator has none."""
     import numpy as np
 

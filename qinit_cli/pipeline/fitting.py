@@ -14,7 +14,7 @@ from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods.plus import initialisations
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline import fit_statistics as statistics
@@ -150,7 +150,9 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
     arrays |= statistics.statistics(sample.columns, origin, fitting)
     if held.any():
         *states, _ = _axes(source)
-        fitted = Fit.from_arrays(arrays, math.prod(len(axis.values) for axis in states), fitting.estimator)
+        fitted = FittedTables.from_arrays(
+            arrays, math.prod(len(axis.values) for axis in states), fitting.estimator
+        )
         first = int(held.argmax())
         arrays |= statistics.held_out_errors(_rows(source, first), held[first:], fitted, origin)
     return arrays

@@ -9,7 +9,7 @@ from typing import Any
 
 from qinit_cli.artefacts.opening import family_in, open_artefact
 from qinit_cli.environments import Family
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables
 from qinit_store.held import Held
 
 
@@ -18,7 +18,7 @@ class Knowledge:
     """A fit as it was read: what a method may use, and where it came from."""
 
     source: Path | Held
-    fit: Fit
+    fit: FittedTables
     family: Family  # of the sources
     learning: dict[str, Any]  # of the sources
     content_sha256: str
@@ -30,9 +30,9 @@ class Knowledge:
         with open_artefact(source, "fit") as artefact:
             sources = artefact.spec["sources"]
             family = family_in(artefact)
-            names = (*Fit.TABLES, "value_mean", "library_q", "library_td_var")
+            names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
-            fit = Fit.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
+            fit = FittedTables.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
             return cls(source, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
 
     @property

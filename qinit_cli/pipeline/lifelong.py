@@ -15,7 +15,7 @@ import numpy as np
 from qinit_cli.analysis.moments import Moments, merged, moments
 from qinit_cli.elementary import ln
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import Initial, Method
 from qinit_cli.pipeline.asked import Living
 from qinit_cli.pipeline.fit import pair_statistics
@@ -48,7 +48,7 @@ class Known:
     q: Moments
 
     @classmethod
-    def of(cls, fit: Fit) -> Known:
+    def of(cls, fit: FittedTables) -> Known:
         """What the fit knows."""
         return cls(
             log_q=_moments(fit.n, fit.mu, fit.sigma, ln(fit.min), ln(fit.max)),
@@ -63,7 +63,7 @@ class Known:
             log_q=merged(self.log_q, moments(logs, counted)), q=merged(self.q, moments(q[None], counted))
         )
 
-    def fit(self, before: Fit) -> Fit:
+    def fit(self, before: FittedTables) -> FittedTables:
         """The fit that this makes of `before`, by its estimator; the library and the mean value stay."""
         return replace(before, **pair_statistics(self.log_q, self.q, before.estimator))
 
@@ -77,7 +77,7 @@ class Lifetime:
 
     method: Method
     targets: TargetTasks  # with tables and visits kept
-    fit: Fit  # of the sources
+    fit: FittedTables  # of the sources
     min_visits: int
     lived: Lived = _nothing
     known: Known = field(init=False)

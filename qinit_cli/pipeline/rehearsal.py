@@ -13,7 +13,7 @@ from qinit_cli.analysis import returns
 from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.opening import family_in
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import Method
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import FROM_SOURCES, Rehearsing
@@ -93,7 +93,7 @@ def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) 
     for number in range(FOLDS):
         others = replace(selection, kept=selection.kept & (fold != number))
         blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
-        fits.append(Fit.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
+        fits.append(FittedTables.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
     sources = source.spec["learning"]
     given = {name: sources[name] for name in FROM_SOURCES}
     episodes = {} if rehearsing.episodes is None else {"episodes": rehearsing.episodes}
@@ -117,7 +117,7 @@ class Rehearsal:
 
     targets: TargetTasks  # whose tasks are the sources
     candidates: Sequence[Method]
-    fits: Sequence[Fit]  # of all sources but those of a fold
+    fits: Sequence[FittedTables]  # of all sources but those of a fold
     fold: Integers  # (N,)
 
     def __call__(self, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
@@ -133,7 +133,7 @@ class Rehearsal:
             finished[places] = self._fold(indices[places], self.fits[number], watch, rows, places)
         return indices[finished], {name: values[finished] for name, values in rows.items()}
 
-    def _fold(self, ids: Integers, fit: Fit, watch: Watch, rows: Rows, places: Integers) -> bool:
+    def _fold(self, ids: Integers, fit: FittedTables, watch: Watch, rows: Rows, places: Integers) -> bool:
         """Fills the rows at these places; whether all was learned before the watch stopped."""
         gamma = self.targets.learning.gamma
         for column, method in enumerate(self.candidates):

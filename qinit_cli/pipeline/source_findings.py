@@ -22,7 +22,7 @@ ERROR_TASKS = 1_000  # the errors against exact tables are taken over at most th
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedSources:
     """What an artefact of N sources holds, and the first ones' relative errors against exact tables."""
 
     ids: Integers  # (N,)
@@ -49,7 +49,7 @@ class Learned:
         }
 
 
-def learned(source: Path | Held, tasks: SourceTasks) -> Learned:
+def learned(source: Path | Held, tasks: SourceTasks) -> LearnedSources:
     """What the artefact of these tasks holds."""
     import numpy as np
 
@@ -70,7 +70,7 @@ def learned(source: Path | Held, tasks: SourceTasks) -> Learned:
                 left -= len(drawn)
         ids = artefact.tasks
     positive = np.concatenate(largest) > 0
-    return Learned(
+    return LearnedSources(
         ids,
         np.concatenate(solved),
         positive,

@@ -26,7 +26,7 @@ Rows = dict[str, Any]  # column name: array with a leading task axis
 
 
 @dataclass(frozen=True)
-class Streams:
+class SourceStreams:
     """Where the chance of a task comes from."""
 
     task: Stream
@@ -35,10 +35,12 @@ class Streams:
     world: Stream
 
 
-STREAMS: dict[Role, Streams] = {
-    "source": Streams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
+STREAMS: dict[Role, SourceStreams] = {
+    "source": SourceStreams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
     # target tasks learned as sources are: what `optimal` starts from where there are no exact tables
-    "target": Streams(Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD),
+    "target": SourceStreams(
+        Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD
+    ),
 }
 
 
@@ -53,7 +55,7 @@ class SourceTasks:
     role: Role = "source"
 
     @property
-    def streams(self) -> Streams:
+    def streams(self) -> SourceStreams:
         """Where their chance comes from."""
         return STREAMS[self.role]
 

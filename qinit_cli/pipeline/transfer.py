@@ -17,7 +17,7 @@ from qinit_cli.seeding import Stream
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
     from qinit_cli.pipeline.asked import LearningTargets
     from qinit_cli.pipeline.degenerate import TargetsLearned
     from qinit_cli.pipeline.job import Made, Plan
@@ -29,7 +29,7 @@ MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a lo
 
 
 @dataclass(frozen=True)
-class Streams:
+class TargetStreams:
     """Where the chance of a task that is learned as a target comes from."""
 
     task: Stream
@@ -40,7 +40,7 @@ class Streams:
     world: Stream
 
 
-TARGETS = Streams(
+TARGETS = TargetStreams(
     Stream.TARGET_TASK,
     Stream.TARGET_DICE,
     Stream.TARGET_START,
@@ -49,7 +49,7 @@ TARGETS = Streams(
     Stream.TARGET_WORLD,
 )
 # sources in the place of targets: what is chosen by them has seen no target and none of the targets' dice
-STAND_INS = Streams(
+STAND_INS = TargetStreams(
     Stream.SOURCE_TASK,
     Stream.TUNING_DICE,
     Stream.TUNING_START,
@@ -69,7 +69,7 @@ class TargetTasks:
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
     keep_visits: bool = False
-    streams: Streams = TARGETS
+    streams: TargetStreams = TARGETS
 
     @property
     def evaluations(self) -> int:
@@ -265,7 +265,7 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     return kept
 
 
-def learned(made: Made, targets: TargetTasks, fit: Fit) -> TargetsLearned:
+def learned(made: Made, targets: TargetTasks, fit: FittedTables) -> TargetsLearned:
     """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
     import numpy as np
 

@@ -8,7 +8,7 @@ from qinit_cli.environments.family import Family
 from qinit_cli.environments.neutral import NeutralFamily, TableFamily
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables as Fit
 from qinit_cli.learning import Learning
 from qinit_cli.methods.method import Initialisation, Look, Method
 from qinit_cli.methods.plus import Plus

@@ -40,7 +40,7 @@ ERRORS = {UNREAD: SystemFailed, **{error.state: error for error in (Damaged, Not
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verification:
     """What verification found."""
 
     path: Path
@@ -74,7 +74,7 @@ def verify(
     seconds: int = SECONDS,
     opening: str = OPENING,
     told: Callable[[int, int], None] = lambda read, tasks: None,
-) -> Verdict:
+) -> Verification:
     """What a child process limited to `memory` bytes and `seconds` finds, or to less where this process may have no more.
 
     `opening` is the function, MODULE:NAME, that opens the file there and knows what it must hold besides its digests. A child
@@ -94,7 +94,7 @@ def verify(
         return _ran_out(path, "processor time", f"{seconds} s")
     if done.returncode == -signal.SIGKILL:
         problem = f"{path} could not be verified: the system ended the process that read it, as it does when memory runs out"
-        return Verdict(path, problem=problem, state=UNREAD)
+        return Verification(path, problem=problem, state=UNREAD)
     try:
         found = json.loads(done.stdout)
     except ValueError:
@@ -102,10 +102,10 @@ def verify(
             return _ran_out(path, "memory", f"{memory / 1e9:.1f} GB")
         reason = f"ended by signal {-done.returncode}" if done.returncode < 0 else "ended without a verdict"
         problem = f"{path} is refused: the process that read it {reason}"
-        return Verdict(path, problem=problem, state=Damaged.state)
+        return Verification(path, problem=problem, state=Damaged.state)
     if found == OUT_OF_MEMORY:
         return _ran_out(path, "memory", f"{memory / 1e9:.1f} GB")
-    return Verdict(**{**found, "path": path, "damaged": tuple(found["damaged"])})
+    return Verification(**{**found, "path": path, "damaged": tuple(found["damaged"])})
 
 
 def _run(
@@ -173,12 +173,12 @@ def _soft(limit: int, wanted: int) -> int:
     return max(0, min([wanted, *given]))
 
 
-def _ran_out(path: Path, what: str, limit: str) -> Verdict:
+def _ran_out(path: Path, what: str, limit: str) -> Verification:
     problem = f"{path} could not be verified within {limit} of {what}, and may be sound; `{ALLOWING[what]}` shows the limit"
-    return Verdict(path, problem=problem, state=UNREAD)
+    return Verification(path, problem=problem, state=UNREAD)
 
 
-def _examined(path: Path, opening: str) -> Verdict:
+def _examined(path: Path, opening: str) -> Verification:
     module, _, name = opening.partition(":")
     try:  # imported here, so that what h5py does is done under the limits
         with getattr(import_module(module), name)(path) as artefact:
@@ -190,7 +190,7 @@ def _examined(path: Path, opening: str) -> Verdict:
                 state = Damaged.state
             if artefact.trouble:
                 problem = f"{path} is damaged: {artefact.trouble}"
-            return Verdict(
+            return Verification(
                 path,
                 artefact.kind,
                 artefact.task_count,
@@ -200,9 +200,9 @@ def _examined(path: Path, opening: str) -> Verdict:
                 state,
             )
     except Damaged as damage:
-        return Verdict(path, problem=str(damage), state=damage.state)
+        return Verification(path, problem=str(damage), state=damage.state)
     except StoreError as error:
-        return Verdict(path, problem=str(error), state=UNREAD)
+        return Verification(path, problem=str(error), state=UNREAD)
 
 
 def _environment() -> dict[str, str]:

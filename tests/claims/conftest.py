@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from qinit_cli.claims.scores import Arm, Scores
+from qinit_cli.claims.scores import Arm, Arms
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting
 
 TARGETS = 12
@@ -27,10 +27,10 @@ def setting() -> Callable[..., Setting]:
 
 
 @pytest.fixture
-def scores() -> Callable[..., Scores]:
+def scores() -> Callable[..., Arms]:
     """Methods whose average returns are these but for a little chance, over sets that share their targets."""
 
-    def made(means: Mapping[str, float], *, sets: int = 10, spread: float = 0.0005) -> Scores:
+    def made(means: Mapping[str, float], *, sets: int = 10, spread: float = 0.0005) -> Arms:
         chance = np.random.default_rng(0)
         target = chance.normal(0, 0.01, TARGETS)
         arms = {}
@@ -39,6 +39,6 @@ def scores() -> Callable[..., Scores]:
             rows = sets if reads else 1
             averages = mean + target + spread * chance.standard_normal((rows, TARGETS))
             arms[label] = Arm(averages, tuple(("targets", f"set {row}") for row in range(rows)), reads)
-        return Scores(arms, shared=True)
+        return Arms(arms, shared=True)
 
     return made

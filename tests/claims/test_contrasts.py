@@ -11,14 +11,14 @@ from statsmodels.stats.multitest import multipletests
 
 from qinit_cli.claims import over_sets
 from qinit_cli.claims.initialisations import pair_findings
-from qinit_cli.claims.scores import Arm, Scores
+from qinit_cli.claims.scores import Arm, Arms
 from qinit_cli.claims.setting import Setting
 
 PAIRS = [("logqinit-median", "ucoi"), ("logqinit-median", "zero"), ("ucoi", "zero")]
 MEANS = {"logqinit-median": 0.0302, "ucoi": 0.03, "zero": 0.02}
 
 
-def test_a_contrast_is_the_mean_of_paired_differences(scores: Callable[..., Scores]) -> None:
+def test_a_contrast_is_the_mean_of_paired_differences(scores: Callable[..., Arms]) -> None:
     made = scores(MEANS)
     found = made.contrasts(PAIRS)
     median, ucoi, zero = (made.arms[label].averages for label in MEANS)
@@ -28,7 +28,7 @@ def test_a_contrast_is_the_mean_of_paired_differences(scores: Callable[..., Scor
 
 
 def test_p_is_scipys_sign_flip_over_source_sets_adjusted_as_statsmodels_does(
-    scores: Callable[..., Scores],
+    scores: Callable[..., Arms],
 ) -> None:
     made = scores(MEANS, spread=0.002)
     median, ucoi, zero = (made.arms[label].averages.mean(axis=1) for label in MEANS)
@@ -43,7 +43,7 @@ def test_p_is_scipys_sign_flip_over_source_sets_adjusted_as_statsmodels_does(
 
 
 def test_methods_that_read_no_sources_are_paired_with_every_set_and_count_none(
-    scores: Callable[..., Scores],
+    scores: Callable[..., Arms],
 ) -> None:
     made = scores({"drs": 0.03, "zero": 0.01, "ucoi": 0.02})
     found = made.contrasts([("drs", "zero"), ("drs", "ucoi")])
@@ -52,14 +52,14 @@ def test_methods_that_read_no_sources_are_paired_with_every_set_and_count_none(
     assert found["drs", "ucoi"].value == pytest.approx(expected)
 
 
-def test_pairs_of_which_one_is_not_there_are_left_out(scores: Callable[..., Scores]) -> None:
+def test_pairs_of_which_one_is_not_there_are_left_out(scores: Callable[..., Arms]) -> None:
     assert scores(MEANS).contrasts([("ucoi", "maxqinit")]) == {}
 
 
 def test_source_sets_that_one_of_the_two_lacks_are_left_out() -> None:
     first = Arm(np.array([[1.0, 2.0], [5.0, 5.0]]), (("t", "a"), ("t", "b")))
     second = Arm(np.array([[0.0, 0.0]]), (("t", "a"),))
-    found = Scores({"x": first, "y": second}, shared=True).contrasts([("x", "y")])["x", "y"]
+    found = Arms({"x": first, "y": second}, shared=True).contrasts([("x", "y")])["x", "y"]
     assert (found.value, found.sets) == (1.5, 1)
 
 
@@ -95,7 +95,7 @@ def test_what_is_not_testable_does_not_count() -> None:
 
 
 def test_what_too_few_source_sets_could_tell_apart_is_not_tested(
-    scores: Callable[..., Scores], setting: Callable[..., Setting]
+    scores: Callable[..., Arms], setting: Callable[..., Setting]
 ) -> None:
     few = scores(MEANS, sets=6)  # three pairs: 3 * 2/64 is above .05
     assert [found.tested for found in few.contrasts(PAIRS).values()] == [False] * 3

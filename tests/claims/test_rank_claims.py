@@ -9,7 +9,7 @@ import pytest
 from qinit_cli.claims import initialisations, transfer_methods
 from qinit_cli.claims.evidence import Evidence
 from qinit_cli.claims.initialisations import CLAIMED
-from qinit_cli.claims.scores import Scores
+from qinit_cli.claims.scores import Arms
 from qinit_cli.claims.setting import NOISES, UNIFORM, Setting
 from qinit_cli.claims.transfer_methods import DECAYS, PLAIN, label
 from qinit_cli.methods.ops_tl import OpsTl
@@ -20,7 +20,7 @@ PAPER = {"logqinit-median": 0.06, "ucoi": 0.05, "logqinit-mean": 0.04, "maxqinit
 
 
 @pytest.fixture
-def given(setting: Callable[..., Setting], scores: Callable[..., Scores]) -> Make:
+def given(setting: Callable[..., Setting], scores: Callable[..., Arms]) -> Make:
     """Scores of the same means at each of the distributions."""
 
     def made(means: Mapping[str, float], names: tuple[str, ...], sets: int = 10) -> Evidence:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_store.reading import open_artefact
 
 Here = Callable[..., Any]
@@ -94,7 +94,7 @@ def test_the_average_return_is_that_of_the_stored_episodes(
     averages = {}
     for row in rows:
         with open_artefact(pipeline.runs[row["method"]], "run") as artefact:
-            run = Run.from_artefact(artefact)
+            run = ComparedRun.from_artefact(artefact)
         returns = np.where(run.reached, 0.95 ** (run.steps - 1.0), 0)
         averages[row["method"]] = returns.mean()
         assert row["return"] == pytest.approx(returns.mean())

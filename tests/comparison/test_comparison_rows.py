@@ -9,7 +9,7 @@ from scipy import stats
 
 from qinit_cli.analysis.intervals import tails
 from qinit_cli.comparison.rows import compare
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import curve
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
@@ -19,14 +19,16 @@ EPISODES = 20
 GAMMA = 0.5
 
 
-def _run(method: str, steps: Any, reached: Any, *, name: str = "", targets: str = "t", **spec: Any) -> Run:
+def _run(
+    method: str, steps: Any, reached: Any, *, name: str = "", targets: str = "t", **spec: Any
+) -> ComparedRun:
     """A run whose returns are 0.5^(steps - 1) where the goal was reached."""
     family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
     learning = {"gamma": GAMMA, "horizon": 100, "episodes": EPISODES}
     sources = {"sources": spec.pop("sources", "set")}
     own = {"method": {"name": method}, "inputs": ["fit"], "source_set": sources} | spec
     settings = {"family": family, "learning": learning, "seed": 0, **own}
-    return Run(
+    return ComparedRun(
         name=name or f"{method}-run",
         method=method,
         label=method,
@@ -104,7 +106,7 @@ def test_the_metric_changes_averages_and_differences() -> None:
     assert other.difference.value == pytest.approx(0.25)
 
 
-def _random_runs(targets: int) -> tuple[Run, Run]:
+def _random_runs(targets: int) -> tuple[ComparedRun, ComparedRun]:
     chance = np.random.default_rng(1)
     runs = [
         _run(
@@ -245,7 +247,7 @@ def test_the_title_says_what_the_targets_are() -> None:
     assert comparison.title == "gridworld-6-variance-2, 2 targets of seed 0, 20 episodes"
 
 
-def _source_sets(shared: bool, sets: int = 6, targets: int = 9) -> list[Run]:
+def _source_sets(shared: bool, sets: int = 6, targets: int = 9) -> list[ComparedRun]:
     chance = np.random.default_rng(3)
     return [
         _run(

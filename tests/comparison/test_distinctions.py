@@ -17,7 +17,7 @@ import pytest
 from qinit_cli.artefacts import specs
 from qinit_cli.comparison import distinctions
 from qinit_cli.comparison.rows import compare
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import grouped, told_of_groups
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
@@ -47,14 +47,14 @@ def _run(
     targets: str = "t",
     options: Any = None,
     **learning: Any,
-) -> Run:
+) -> ComparedRun:
     sources = sources or _sources()
     fitted = specs.fit(sources, [json.dumps(sources, sort_keys=True)], fit or FitOptions())
     how = replace(family.target_learning, episodes=20, **learning)
     wanted = TargetTasks(family, how, seed=seed, keep_q=False)
     spec = specs.run(METHODS[method](**(options or {})), wanted, tasks, "fit", fitted)
     steps = np.full((tasks, 20), 3, np.int32)
-    return Run(
+    return ComparedRun(
         name=f"{method}-{abs(hash(json.dumps(spec, sort_keys=True))):016x}",
         method=method,
         label=spec["method"]["label"],

@@ -11,21 +11,23 @@ import pytest
 from scipy import stats
 
 from qinit_cli.comparison.rows import Row, compare
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, curve
 from qinit_cli.environments.gridworld import Gridworld
 
 EPISODES = 100
 
 
-def _run(method: str, returns: Any, *, sources: str = "set", targets: str = "t", possible: Any = None) -> Run:
+def _run(
+    method: str, returns: Any, *, sources: str = "set", targets: str = "t", possible: Any = None
+) -> ComparedRun:
     """A run of gamma 1/2 with these returns (T, EPISODES), each a power of 1/2 or 0."""
     returns = np.asarray(returns, float)
     reached = returns > 0
     steps = np.where(reached, 1 - np.log2(np.where(reached, returns, 1)), 60).astype(np.int32)
     family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
     learning = {"gamma": 0.5, "horizon": 60, "episodes": EPISODES}
-    return Run(
+    return ComparedRun(
         name=f"{method}-{sources}",
         method=method,
         label=method,
@@ -51,7 +53,7 @@ def _level(*returns: float) -> Any:
     return np.repeat(np.array(returns)[:, None], EPISODES, axis=1)
 
 
-def _row(runs: list[Run], method: str, baseline: str = "zero", metric: Metric = "return") -> Row:
+def _row(runs: list[ComparedRun], method: str, baseline: str = "zero", metric: Metric = "return") -> Row:
     [comparison] = compare(runs, baseline, metric)
     return next(row for row in comparison.rows if row.label == method)
 
@@ -108,7 +110,7 @@ def test_without_what_is_possible_there_is_no_threshold_and_optimal_gives_one() 
     assert threshold.censored == 0.25  # the third alone earns less than half of optimal's
 
 
-def _sets(shared: bool, sets: int = 5, targets: int = 9) -> list[Run]:
+def _sets(shared: bool, sets: int = 5, targets: int = 9) -> list[ComparedRun]:
     rng = np.random.default_rng(3)
     return [
         _run(
@@ -122,7 +124,7 @@ def _sets(shared: bool, sets: int = 5, targets: int = 9) -> list[Run]:
     ]
 
 
-def _averages(runs: list[Run], method: str) -> np.ndarray:
+def _averages(runs: list[ComparedRun], method: str) -> np.ndarray:
     return np.array([curve(run, "return").mean(axis=1) for run in runs if run.method == method])
 
 

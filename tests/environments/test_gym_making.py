@@ -145,7 +145,7 @@ def test_an_observation_that_is_the_same_array_every_time_is_no_chance() -> None
 
 
 def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable[..., Any]) -> None:
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.comparison.source_sets import grouped
     from qinit_store.reading import open_artefact
 
@@ -155,7 +155,7 @@ def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable
     runs = []
     for method in ("zero", "mean"):
         with open_artefact(here("transfer", method, fit, "--episodes", 5, *lake).path, "run") as artefact:
-            runs.append(Run.from_artefact(artefact))
+            runs.append(ComparedRun.from_artefact(artefact))
     [group] = grouped(runs)
     assert len(group.entries) == 2
     import dataclasses

@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis.length_sample import LengthSample
-from qinit_cli.figures.eopl import FLOOR_COLOUR, Lengths, eopl
+from qinit_cli.figures.eopl import FLOOR_COLOUR, DrawnLengths, eopl
 from qinit_cli.figures.style import house_style
 
 Draw = Callable[..., Any]
@@ -102,7 +102,7 @@ def test_the_floor_stands_behind_and_does_not_flatten_the_densities() -> None:
     wide = LengthSample.of(np.rint(chance.normal(150, 15, 300)).astype(int))
     narrow = LengthSample.of(np.full(20, 150))
     with house_style():
-        figure = eopl([Lengths("a", "", wide, False), Lengths("floor", "", narrow, True)], "")
+        figure = eopl([DrawnLengths("a", "", wide, False), DrawnLengths("floor", "", narrow, True)], "")
         figure.canvas.draw()
     densities = figure.axes[-1]
     assert densities.get_ylim()[1] < 0.05
@@ -133,7 +133,7 @@ def test_few_or_equal_lengths_are_not_testable_and_yet_drawn(lengths: list[int])
     sample = LengthSample.of(np.array(lengths, int))
     assert np.isnan(sample.rounded_normal(np.random.default_rng(0))).all()
     with house_style():
-        eopl([Lengths("a", "", sample, False)], "").canvas.draw()
+        eopl([DrawnLengths("a", "", sample, False)], "").canvas.draw()
 
 
 def test_rounded_normals_are_not_rejected_and_skewed_lengths_are() -> None:
@@ -147,7 +147,7 @@ def test_rounded_normals_are_not_rejected_and_skewed_lengths_are() -> None:
 def test_bins_are_whole_steps_whatever_the_range() -> None:
     sample = LengthSample.of(np.random.default_rng(1).integers(80, 400, 90))
     with house_style():
-        figure = eopl([Lengths("a", "", sample, False)], "")
+        figure = eopl([DrawnLengths("a", "", sample, False)], "")
     bars = figure.axes[0].patches
     assert {bar.get_width() for bar in bars} == {7.0}
     assert sum(bar.get_height() for bar in bars) == 90

@@ -11,7 +11,7 @@ import pytest
 import scipy.stats
 
 from qinit_cli.analysis.value_sample import ValueSample, shapiro_wilk_of
-from qinit_cli.figures.histograms import FIT_ROOM, Shown, histograms
+from qinit_cli.figures.histograms import FIT_ROOM, StateHistograms, histograms
 from qinit_cli.figures.style import house_style
 
 Draw = Callable[..., Any]
@@ -66,7 +66,7 @@ def test_the_states_of_the_family_are_shown_by_default(drawn: Draw, pipeline: An
 def test_the_curves_are_scipys_densities_scaled_to_counts() -> None:
     sample = _sample()
     with house_style():
-        figure = histograms([Shown(sample, "", "")], "")
+        figure = histograms([StateHistograms(sample, "", "")], "")
     for axes, fitted in (
         (figure.axes[0], scipy.stats.lognorm(sample.sigma, scale=np.exp(sample.mu))),
         (figure.axes[1], scipy.stats.norm(sample.mu, sample.sigma)),
@@ -97,12 +97,12 @@ def test_too_few_or_equal_values_are_not_testable_and_yet_drawn(values: np.ndarr
     sample = ValueSample.of(values)
     assert np.isnan(shapiro_wilk_of(sample.values)).all()
     with house_style():
-        histograms([Shown(sample, "", "")], "").canvas.draw()
+        histograms([StateHistograms(sample, "", "")], "").canvas.draw()
 
 
 def test_a_state_without_a_positive_value_says_so(drawn: Draw) -> None:
     with house_style():
-        figure = histograms([Shown(ValueSample.of(np.zeros(9)), "", "")], "")
+        figure = histograms([StateHistograms(ValueSample.of(np.zeros(9)), "", "")], "")
     assert [text.get_text() for text in figure.axes[0].texts] == ["no value above 0"]
 
 
@@ -115,7 +115,7 @@ def test_values_that_are_not_positive_are_masked_and_counted() -> None:
 def test_a_fit_that_is_far_off_does_not_hide_the_bars() -> None:
     values = np.append(np.geomspace(1e-7, 1e-3, 11), 0.5)
     with house_style():
-        figure = histograms([Shown(ValueSample.of(values), "", "")], "")
+        figure = histograms([StateHistograms(ValueSample.of(values), "", "")], "")
     bars = [bar.get_height() for bar in figure.axes[0].patches]
     assert figure.axes[0].get_ylim() == (0, pytest.approx(FIT_ROOM * max(bars)))
 

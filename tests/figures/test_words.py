@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from qinit_cli.comparison.runs import Run
+from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.figures.drawn import Drawn, PictureFile
 from qinit_cli.figures.style import house_style
 from qinit_cli.pictures import bars, curves, eopl, heatmaps, histograms, normality, occupancy
@@ -24,11 +24,11 @@ Draw = Callable[..., Any]
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def _runs(pipeline: Any, *names: str) -> list[Run]:
+def _runs(pipeline: Any, *names: str) -> list[ComparedRun]:
     found = []
     for name in names:
         with open_artefact(pipeline.runs[name], "run") as artefact:
-            found.append(Run.from_artefact(artefact))
+            found.append(ComparedRun.from_artefact(artefact))
     return found
 
 

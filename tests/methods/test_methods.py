@@ -13,7 +13,7 @@ from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import METHODS, Initial, Method, Targets
 from qinit_cli.methods.drs import Drs
 from qinit_cli.methods.logqinit_mean import LogQInitMean
@@ -45,7 +45,7 @@ MEDIAN = _table((0.4, 0.2, 0.1, NAN), (0.1, 0.3, 0.1, 0.1), (0.5, 0.25, 0.5, 0.5
 KNOWN = ~np.isnan(MAX)
 LIBRARY = np.stack([np.nan_to_num(MAX), np.nan_to_num(MAX[:, ::-1])])
 
-FIT = Fit(
+FIT = FittedTables(
     mu=np.log(MEDIAN),
     sigma=np.where(KNOWN, 0.5, NAN),
     lognormal_median=MEDIAN,
@@ -72,7 +72,7 @@ def _targets(seed: int = 0) -> Targets:
     )
 
 
-def _initial(method: Method, fit: Fit = FIT) -> Initial:
+def _initial(method: Method, fit: FittedTables = FIT) -> Initial:
     return method.initial(fit, _targets(0))
 
 
@@ -232,7 +232,7 @@ def test_an_unprivileged_method_does_not_look_at_the_targets(name: str) -> None:
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_leaves_the_fit_as_it_was(name: str) -> None:
-    before = {each: getattr(FIT, each).copy() for each in Fit.TABLES}
+    before = {each: getattr(FIT, each).copy() for each in FittedTables.TABLES}
     _initial(METHODS[name]())
     for each, values in before.items():
         np.testing.assert_array_equal(getattr(FIT, each), values)

@@ -11,9 +11,9 @@ from qinit_cli.paper.experiments import (
     FIGURES,
     SCALES,
     TARGETS,
-    Fit,
-    Run,
-    Sources,
+    PlannedFit,
+    PlannedRun,
+    PlannedSources,
     Study,
     experiment,
     judgement,
@@ -23,12 +23,14 @@ CONTRACT = ("fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "figA1", "f
 PAPER = Study(SCALES["paper"])
 
 
-def _needed(target: str, study: Study = PAPER) -> tuple[Sources | Fit | Run, ...]:
+def _needed(target: str, study: Study = PAPER) -> tuple[PlannedSources | PlannedFit | PlannedRun, ...]:
     return ordered(artefact for name in TARGETS[target] for artefact in experiment(name, study).artefacts)
 
 
 def _labels(target: str, family: object) -> set[str]:
-    return {one.method.label for one in _needed(target) if isinstance(one, Run) and one.family == family}
+    return {
+        one.method.label for one in _needed(target) if isinstance(one, PlannedRun) and one.family == family
+    }
 
 
 def test_every_figure_of_the_contract_an_environment_and_all_can_be_asked_for() -> None:
@@ -59,7 +61,9 @@ def test_no_two_files_of_everything_share_a_name() -> None:
 
 def test_the_paper_s_sources_are_its_hundred_tasks_of_its_episodes_on_its_eleven_distributions() -> None:
     sources = [
-        one for one in _needed("all") if isinstance(one, Sources) and one.family != PAPER.floor[0].family
+        one
+        for one in _needed("all")
+        if isinstance(one, PlannedSources) and one.family != PAPER.floor[0].family
     ]
     grids = [one for one in sources if one.family.name == "gridworld"]
     cars = [one for one in sources if one.family.name == "mountain-car"]
@@ -97,14 +101,14 @@ def test_figure_6_needs_every_initialisation_on_every_distribution_and_every_tra
     assert _labels("fig6", Gridworld(variance=7)) == initialisations | alone | plus | exploring
     for family in (*(Gridworld(variance=each) for each in (1, 3, 5, 10)), Gridworld(goals="uniform")):
         assert _labels("fig6", family) == initialisations
-    runs = [one for one in _needed("fig6") if isinstance(one, Run)]
+    runs = [one for one in _needed("fig6") if isinstance(one, PlannedRun)]
     assert {(one.tasks, one.episodes) for one in runs} == {(200, 1_000)}
 
 
 def test_mountain_car_s_optimal_learns_tables_of_its_first_twenty_targets_and_the_others_meet_a_hundred() -> (
     None
 ):
-    runs = [one for one in _needed("mountain-car") if isinstance(one, Run)]
+    runs = [one for one in _needed("mountain-car") if isinstance(one, PlannedRun)]
     assert {one.tasks for one in runs if one.method.name == "optimal"} == {20}
     assert {one.tasks for one in runs if one.method.name != "optimal"} == {100}
     for name in ("fig9", "figA3"):
@@ -126,25 +130,27 @@ def test_figure_8_has_a_noise_floor_of_several_seeds() -> None:
 def test_nothing_is_made_twice_and_everything_after_what_it_is_made_of(target: str, scale: str) -> None:
     needed = _needed(target, Study(SCALES[scale], sets=2))
     assert len(set(needed)) == len(needed)
-    before: set[Sources | Fit | Run] = set()
+    before: set[PlannedSources | PlannedFit | PlannedRun] = set()
     for one in needed:
         match one:
-            case Fit():
+            case PlannedFit():
                 assert one.sources in before
-            case Run():
+            case PlannedRun():
                 assert one.fit in before
-            case Sources():
+            case PlannedSources():
                 pass
         before.add(one)
 
 
 def test_everything_is_judged_from_all_artefacts_and_fits_that_test_path_lengths_on_every_grid() -> None:
     judged = judgement("all", PAPER)
-    assert set(_needed("all")) - {one for one in _needed("all") if isinstance(one, Sources | Fit)} <= set(
-        judged.artefacts
-    )
+    assert set(_needed("all")) - {
+        one for one in _needed("all") if isinstance(one, PlannedSources | PlannedFit)
+    } <= set(judged.artefacts)
     tested = [
-        one for one in judged.artefacts if isinstance(one, Fit) and one.options.eopl_normality == "rounded"
+        one
+        for one in judged.artefacts
+        if isinstance(one, PlannedFit) and one.options.eopl_normality == "rounded"
     ]
     assert [one.sources.family for one in tested] == list(PAPER.gridworlds)
     assert judged.whole
@@ -153,11 +159,13 @@ def test_everything_is_judged_from_all_artefacts_and_fits_that_test_path_lengths
 
 def test_source_sets_have_seeds_of_their_own_and_share_their_targets() -> None:
     needed = _needed("fig6", Study(SCALES["paper"], sets=3))
-    medians = [one for one in needed if isinstance(one, Run) and one.method.label == "logqinit-median"]
+    medians = [one for one in needed if isinstance(one, PlannedRun) and one.method.label == "logqinit-median"]
     assert sorted({one.fit.sources.seed for one in medians}) == [0, 1, 2]
     assert {one.tasks for one in medians} == {200}
     reading_none = [
-        one for one in needed if isinstance(one, Run) and one.method.label in ("zero", "optimal", "drs")
+        one
+        for one in needed
+        if isinstance(one, PlannedRun) and one.method.label in ("zero", "optimal", "drs")
     ]
     assert {one.fit.sources.seed for one in reading_none} == {0}
 

@@ -578,7 +578,7 @@ def test_a_scheduler_file_that_another_user_wrote_or_may_write_is_refused(here: 
 
 @given(st.integers(0, 2_000), st.integers(1, 9), st.floats(1e-9, 10.0))
 def test_batches_of_a_cluster_hold_every_task_once_in_order(tasks: int, jobs: int, seconds: float) -> None:
-    sizes = cluster.Sizes(task_bytes=8)
+    sizes = cluster.BatchSizes(task_bytes=8)
     found = [np.empty(0, np.int64)]
     for batch in sizes.batches(np.arange(tasks), lambda: jobs):
         found.append(batch)
@@ -587,7 +587,7 @@ def test_batches_of_a_cluster_hold_every_task_once_in_order(tasks: int, jobs: in
 
 
 def test_batches_of_small_tasks_grow_until_scheduling_is_two_per_cent_of_them() -> None:
-    sizes = cluster.Sizes(task_bytes=8)
+    sizes = cluster.BatchSizes(task_bytes=8)
     waiting = sizes.batches(np.arange(100_000), lambda: 2)
     first = next(waiting)
     sizes.heed(cluster.Outcome(first, {"seconds": np.full(len(first), 1e-3)}))
@@ -595,7 +595,7 @@ def test_batches_of_small_tasks_grow_until_scheduling_is_two_per_cent_of_them() 
 
 
 def test_batches_of_large_tables_do_not_grow() -> None:
-    sizes = cluster.Sizes(task_bytes=cluster.MOST_BYTES)
+    sizes = cluster.BatchSizes(task_bytes=cluster.MOST_BYTES)
     waiting = sizes.batches(np.arange(1_000), lambda: 2)
     first = next(waiting)
     sizes.heed(cluster.Outcome(first, {"seconds": np.full(len(first), 1e-6)}))

@@ -15,7 +15,7 @@ import pytest
 from qinit_cli.commands.train_sources import _told
 from qinit_cli.learning import Learning
 from qinit_cli.pipeline.degenerate import SourcesLearned, TargetsLearned, of_fit, of_sources, of_targets
-from qinit_cli.pipeline.source_findings import Learned
+from qinit_cli.pipeline.source_findings import LearnedSources
 
 LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
 SOUND = SourcesLearned(
@@ -112,7 +112,7 @@ def test_a_fit_says_what_its_sources_do_not_tell() -> None:
 
 def test_an_error_over_no_entries_is_unknown() -> None:
     nothing = np.full((2, 4), np.nan)
-    numbers = Learned(
+    numbers = LearnedSources(
         np.arange(2), np.zeros(2, bool), np.zeros(2, bool), math.nan, math.nan, nothing
     ).error_numbers()
     assert numbers == {
@@ -123,7 +123,9 @@ def test_an_error_over_no_entries_is_unknown() -> None:
     }
     assert "unknown" in _told(numbers)
     some = np.array([[np.nan, 0.1], [0.3, 0.5]])
-    numbers = Learned(np.array([3, 8]), np.ones(2, bool), np.ones(2, bool), 0.1, 1.0, some).error_numbers()
+    numbers = LearnedSources(
+        np.array([3, 8]), np.ones(2, bool), np.ones(2, bool), 0.1, 1.0, some
+    ).error_numbers()
     assert numbers == {
         "error_tasks": 2,
         "median_relative_error": 0.3,

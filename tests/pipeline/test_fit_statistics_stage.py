@@ -16,7 +16,7 @@ from qinit_cli.analysis.rounded_normal import rounded_normality
 from qinit_cli.artefacts.fit_findings import findings, rejected
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
-from qinit_cli.fitted import Fit, FitOptions
+from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.pipeline import fit_statistics as stage
 from qinit_cli.pipeline.fit import Selection, fit, hold_out
 from qinit_cli.seeding import Stream, generator
@@ -299,7 +299,7 @@ def test_holding_nothing_out_leaves_the_selection() -> None:
 def test_held_out_errors_of_each_start_are_plain_means(estimator: Any) -> None:
     options = FitOptions(holdout=10, estimator=estimator)
     selection, held = hold_out(Selection(np.ones(TASKS, bool), 0, 0), 10)
-    fitted = Fit.from_arrays(fit(_blocks(SOURCES), selection, options), 6, estimator)
+    fitted = FittedTables.from_arrays(fit(_blocks(SOURCES), selection, options), 6, estimator)
     origin = stage.Origin(Gridworld(), 0.9, SEED)
     arrays = stage.held_out_errors(_blocks(SOURCES, 7), held, fitted, origin)
     names = stage.contents(options).initialisations

@@ -10,7 +10,7 @@ import pytest
 
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import Fit
+from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import METHODS
 from qinit_cli.pipeline.fit import pair_statistics
 from qinit_cli.pipeline.lifelong import Known, Lifetime, log_std
@@ -24,7 +24,7 @@ MIN_VISITS = 8
 MEDIAN = METHODS["logqinit-median"]()
 
 
-def _fit(tables: Any) -> Fit:
+def _fit(tables: Any) -> FittedTables:
     """The fit of tables (N, S, A), by numpy."""
     from qinit_cli.analysis.moments import moments
 
@@ -34,7 +34,9 @@ def _fit(tables: Any) -> Fit:
     statistics = pair_statistics(moments(logs, counted), moments(tables, counted), "mle")
     nothing = np.empty((0, *SHAPE))
     value = tables.max(axis=2).mean(axis=0)
-    return Fit(**statistics, value_mean=value, library_q=nothing, library_td_var=nothing, estimator="mle")
+    return FittedTables(
+        **statistics, value_mean=value, library_q=nothing, library_td_var=nothing, estimator="mle"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -26,14 +26,14 @@ QUANTILE = METHODS["logqinit-quantile"]()
 
 def _fits(count: int) -> list[Any]:
     """Fits that differ: one table each."""
-    from qinit_cli.fitted import Fit
+    from qinit_cli.fitted import FittedTables
 
     made = []
     for number in range(count):
         table = np.full((25, 4), 0.1 + 0.1 * number)
         nothing = np.empty((0, 25, 4))
         made.append(
-            Fit(
+            FittedTables(
                 np.log(table), np.full_like(table, 0.5), table, table, table, table, table, table,
                 np.ones(table.shape, np.int64), table.max(axis=1), nothing, nothing, FitOptions().estimator,
             )

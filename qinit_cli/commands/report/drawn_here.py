@@ -10,7 +10,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.report.document import Material
 
 Described = dict[Path, dict[str, Any]]
@@ -66,7 +66,7 @@ def _tuned(path: Path) -> dict[str, Any]:
     }
 
 
-def _compared(runs: list[Run], baseline: str) -> dict[str, Any]:
+def _compared(runs: list[ComparedRun], baseline: str) -> dict[str, Any]:
     from qinit_cli.commands.compare import told
     from qinit_cli.comparison.rows import compare
 
@@ -89,7 +89,7 @@ def _title(artefacts: Described) -> str:
     return f"Initial values from solved tasks: {'; '.join(named)}"
 
 
-def _question(runs: list[Run], baseline: str, *, tuned: bool) -> str:
+def _question(runs: list[ComparedRun], baseline: str, *, tuned: bool) -> str:
     if not runs and tuned:
         return "Which parameters are best, as far as the sources tell?"
     methods = list(dict.fromkeys(run.label for run in runs if run.label != baseline))

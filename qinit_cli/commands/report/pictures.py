@@ -12,7 +12,7 @@ from qinit_cli.comparison.distinctions import distinctions, joined, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.runs import Run
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.report.content import Figure
 
@@ -35,7 +35,7 @@ CAPTIONS = {
 }
 
 
-def figures(kinds: Mapping[str, Described], runs: list[Run]) -> tuple[list[Figure], list[str]]:
+def figures(kinds: Mapping[str, Described], runs: list[ComparedRun]) -> tuple[list[Figure], list[str]]:
     """The pictures, those of runs first, then in the order of the pipeline, and what is not in them and why."""
     from qinit_cli.report.content import Figure
 
@@ -82,11 +82,11 @@ def _of_fits(fits: Described) -> Iterator[Planned]:
             yield caption, words, partial(normality.drawn, path)
 
 
-def _of_runs(runs: list[Run]) -> Iterator[Planned]:
+def _of_runs(runs: list[ComparedRun]) -> Iterator[Planned]:
     from qinit_cli.comparison.source_sets import grouped, told_of_groups
     from qinit_cli.pictures import bars, curves
 
-    families: dict[str, list[Run]] = {}
+    families: dict[str, list[ComparedRun]] = {}
     groups = grouped(runs)
     for group, words in zip(groups, told_of_groups(groups), strict=True):
         same = [run for entry in group.entries for run in entry.runs]

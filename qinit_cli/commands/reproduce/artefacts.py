@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.commands.reproduce.words import fit_command, run_command, sources_command
 from qinit_cli.errors import TasksFailed
-from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
 from qinit_cli.pipeline.keeping import Keeping, target_path
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import Reporter
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 def ordered(artefacts: Iterable[Artefact]) -> tuple[Artefact, ...]:
     """These artefacts and all that they are made from, each once: sources, their fit, and all its runs, set after set."""
-    needed: dict[Sources, dict[Fit, dict[Run, None]]] = {}
+    needed: dict[PlannedSources, dict[PlannedFit, dict[PlannedRun, None]]] = {}
     for artefact in artefacts:
         match artefact:
-            case Sources():
+            case PlannedSources():
                 needed.setdefault(artefact, {})
-            case Fit():
+            case PlannedFit():
                 needed.setdefault(artefact.sources, {}).setdefault(artefact, {})
-            case Run():
+            case PlannedRun():
                 fits = needed.setdefault(artefact.fit.sources, {})
                 fits.setdefault(artefact.fit, {})[artefact] = None
     in_order: list[Artefact] = []
@@ -44,11 +44,11 @@ def ordered(artefacts: Iterable[Artefact]) -> tuple[Artefact, ...]:
 def inputs(artefact: Artefact) -> tuple[Artefact, ...]:
     """What it is made of."""
     match artefact:
-        case Sources():
+        case PlannedSources():
             return ()
-        case Fit():
+        case PlannedFit():
             return (artefact.sources,)
-        case Run():
+        case PlannedRun():
             return (artefact.fit,)
 
 
@@ -93,12 +93,12 @@ class Maker:
         from qinit_store.reading import describe
 
         match artefact:
-            case Sources():
+            case PlannedSources():
                 plan = sources_plan(artefact)
                 return Place(place(plan, self.keeping, self.machine), plan.spec)
-            case Fit():
+            case PlannedFit():
                 return Place(*fitting.place(paths[artefact.sources], artefact.options, self.keeping))
-            case Run():
+            case PlannedRun():
                 fit = describe(paths[artefact.fit])
                 targets = targets_of_run(artefact, fit.spec)
                 spec = specs.run(artefact.method, targets, artefact.tasks, fit.content_sha256, fit.spec)
@@ -112,14 +112,14 @@ class Maker:
 
         store = str(self.keeping.store)
         match artefact:
-            case Sources():
+            case PlannedSources():
                 keeping = replace(self.keeping, command=tuple(sources_command(artefact, store)))
                 made = make(sources_plan(artefact), keeping, self.machine, reporter)
-            case Fit():
+            case PlannedFit():
                 sources = paths[artefact.sources]
                 keeping = replace(self.keeping, command=tuple(fit_command(artefact, sources, store)))
                 made, _, _ = make_fit(sources, artefact.options, keeping, reporter)
-            case Run():
+            case PlannedRun():
                 made = self._run(artefact, paths[artefact.fit], reporter)
         if made.tally.failed:
             raise TasksFailed(
@@ -128,7 +128,7 @@ class Maker:
             )
         return made
 
-    def _run(self, run: Run, fit: Path, reporter: Reporter) -> Made:
+    def _run(self, run: PlannedRun, fit: Path, reporter: Reporter) -> Made:
         from qinit_cli.pipeline.job import make
         from qinit_cli.pipeline.optimal_tables import initial_of
         from qinit_cli.pipeline.transfer import plan_of
@@ -148,7 +148,7 @@ class Maker:
         return self._read
 
 
-def sources_plan(sources: Sources) -> Plan:
+def sources_plan(sources: PlannedSources) -> Plan:
     """The artefact of these sources, as `qinit train-sources` makes it."""
     from qinit_cli.pipeline.asked import LearningSources
     from qinit_cli.pipeline.sources import plan_of, tasks_of
@@ -157,7 +157,7 @@ def sources_plan(sources: Sources) -> Plan:
     return plan_of(tasks_of(sources.family, learning), sources.tasks)
 
 
-def targets_of_run(run: Run, fitted: dict[str, Any]) -> TargetTasks:
+def targets_of_run(run: PlannedRun, fitted: dict[str, Any]) -> TargetTasks:
     """Its targets, as `qinit transfer` has them, given the spec of the fit."""
     from qinit_cli.pipeline.asked import LearningTargets
     from qinit_cli.pipeline.transfer import targets_of

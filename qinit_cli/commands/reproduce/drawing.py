@@ -8,12 +8,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__
-from qinit_cli.paper.experiments import Artefact, Judgement, Picture, Run, Shown, Table
+from qinit_cli.paper.experiments import (
+    Artefact,
+    PlannedJudgement,
+    PlannedPicture,
+    PlannedRun,
+    PlannedTable,
+    Shown,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.comparison.runs import Run as Read
+    from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.figures.drawn import Drawn
 
 NOT_JUDGED = "not judged"
@@ -25,9 +32,9 @@ class Drawing:
     """Draws what stands in the store."""
 
     paths: Mapping[Artefact, Path]
-    _runs: dict[Run, Read] = field(default_factory=dict)  # those read last
+    _runs: dict[PlannedRun, ComparedRun] = field(default_factory=dict)  # those read last
 
-    def picture(self, picture: Picture) -> Drawn:
+    def picture(self, picture: PlannedPicture) -> Drawn:
         """The picture, at text width."""
         from qinit_cli.figures.style import TEXT
         from qinit_cli.pictures import (
@@ -61,7 +68,7 @@ class Drawing:
             case "curves":
                 return curves.drawn(self.runs(picture.artefacts), **titled)
 
-    def table(self, table: Table) -> dict[str, Any]:
+    def table(self, table: PlannedTable) -> dict[str, Any]:
         """What `qinit compare --format json` prints of these runs."""
         from qinit_cli.commands.compare import Comparing, told
         from qinit_cli.comparison import rows as stage
@@ -73,7 +80,7 @@ class Drawing:
             runs = [run.first(table.first) for run in runs]
         return told(stage.compare(runs, comparing.baseline, comparing.metric), comparing.metric)
 
-    def verdicts(self, judgement: Judgement) -> dict[str, Any]:
+    def verdicts(self, judgement: PlannedJudgement) -> dict[str, Any]:
         """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
         from qinit_cli.commands.verdicts import opened, told
         from qinit_cli.paper import verdicts as stage
@@ -82,16 +89,16 @@ class Drawing:
         found = stage.verdicts(stage.evidence(opened(paths)))
         return told([one for one in found if judgement.whole or one.verdict != NOT_JUDGED])
 
-    def runs(self, artefacts: Sequence[Artefact]) -> list[Read]:
+    def runs(self, artefacts: Sequence[Artefact]) -> list[ComparedRun]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""
         from qinit_cli.artefacts.opening import open_artefact
-        from qinit_cli.comparison.runs import Run as Reader
+        from qinit_cli.comparison.runs import ComparedRun
 
         for artefact in artefacts:
-            if isinstance(artefact, Run) and artefact not in self._runs:
+            if isinstance(artefact, PlannedRun) and artefact not in self._runs:
                 with open_artefact(self.paths[artefact], "run") as opened:
-                    self._runs[artefact] = Reader.from_artefact(opened)
-        wanted = [artefact for artefact in artefacts if isinstance(artefact, Run)]
+                    self._runs[artefact] = ComparedRun.from_artefact(opened)
+        wanted = [artefact for artefact in artefacts if isinstance(artefact, PlannedRun)]
         found = [self._runs[artefact] for artefact in wanted]
         while len(self._runs) > max(KEPT, len(wanted)):
             del self._runs[next(iter(self._runs))]
@@ -100,7 +107,7 @@ class Drawing:
 
 def file_of(shown: Shown) -> str:
     """The name of its file; a picture has a PNG beside it."""
-    return f"{shown.name}.svg" if isinstance(shown, Picture) else f"{shown.name}.json"
+    return f"{shown.name}.svg" if isinstance(shown, PlannedPicture) else f"{shown.name}.json"
 
 
 def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
@@ -109,10 +116,10 @@ def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
 
     told = [__version__, shown.name, shown.title, *(digests[artefact] for artefact in shown.artefacts)]
     match shown:
-        case Picture(kind=kind):
+        case PlannedPicture(kind=kind):
             told.append(kind)
-        case Table(first=first):
+        case PlannedTable(first=first):
             told.append(str(first))
-        case Judgement(whole=whole):
+        case PlannedJudgement(whole=whole):
             told.append(str(whole))
     return hashlib.sha256(canonical_json(told).encode()).hexdigest()

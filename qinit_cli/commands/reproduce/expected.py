@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from qinit_cli.commands.reproduce.artefacts import sources_plan
-from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
@@ -48,18 +48,18 @@ def expected(missing: Iterable[Artefact], jobs: int) -> dict[Artefact, Expected]
 
 def _expected(artefact: Artefact, jobs: int) -> Expected:
     match artefact:
-        case Sources(family):
+        case PlannedSources(family):
             steps = _source_steps(artefact)
             seconds = steps / _speed(type(family)) / jobs + SOURCES_OVERHEAD
             return Expected(steps, seconds, SOURCE_BYTES * _entries(family) * artefact.tasks)
-        case Fit(sources):
+        case PlannedFit(sources):
             library = min(artefact.options.library, sources.tasks) + 12  # and twelve tables of moments
             return Expected(0.0, FIT_SECONDS, LIBRARY_BYTES * _entries(sources.family) * library)
-        case Run():
+        case PlannedRun():
             return _run(artefact, jobs)
 
 
-def _run(run: Run, jobs: int) -> Expected:
+def _run(run: PlannedRun, jobs: int) -> Expected:
     family, method = run.family, run.method
     steps = method.expected_steps(family.name) * run.tasks * run.episodes
     speed = _speed(type(family)) * method.speed
@@ -72,7 +72,7 @@ def _run(run: Run, jobs: int) -> Expected:
     return whole + _expected(own, jobs)
 
 
-def _source_steps(sources: Sources) -> float:
+def _source_steps(sources: PlannedSources) -> float:
     import numpy as np
 
     family = sources.family
@@ -94,7 +94,7 @@ def _speed(kind: type[Family]) -> float:
 
     from qinit_cli.watch import Watch
 
-    trial = sources_plan(Sources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
+    trial = sources_plan(PlannedSources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
     ids = np.arange(TRIAL_TASKS)
     trial.learn(ids, Watch())  # compiles, or reads what is compiled
     _, rows = trial.learn(ids, Watch())

@@ -22,7 +22,16 @@ from qinit_cli.commands.reproduce.progress import Whole
 from qinit_cli.commands.reproduce.telling import KINDS, Ahead, say_spent
 from qinit_cli.errors import Interrupted
 from qinit_cli.paper import experiments
-from qinit_cli.paper.experiments import Artefact, Fit, Judgement, Picture, Shown, Sources, Study, Table
+from qinit_cli.paper.experiments import (
+    Artefact,
+    PlannedFit,
+    PlannedJudgement,
+    PlannedPicture,
+    PlannedSources,
+    PlannedTable,
+    Shown,
+    Study,
+)
 from qinit_cli.pipeline.machine import Machine
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
@@ -180,18 +189,18 @@ class Reproduction:
             whole.begin(shown.name, PICTURE_SECONDS)
             entry = {"name": figure, "file": file, "title": shown.title}
             match shown:
-                case Picture():
+                case PlannedPicture():
                     with self._counted("pictures"):
                         entry |= self._picture(folder, shown, drawing)
-                case Table():
+                case PlannedTable():
                     with self._counted("tables"):
                         folder.write_json(file, drawing.table(shown))
-                case Judgement():
+                case PlannedJudgement():
                     with self._counted("verdicts"):
                         folder.write_json(file, drawing.verdicts(shown))
             entries[file] = entry | {"made_of": made_of(shown, self.digests)}
 
-    def _picture(self, folder: Folder, shown: Picture, drawing: Drawing) -> dict[str, str]:
+    def _picture(self, folder: Folder, shown: PlannedPicture, drawing: Drawing) -> dict[str, str]:
         """Draws and saves it in both formats; its part of the manifest's entry."""
         drawn = drawing.picture(shown)
         for said in drawn.notes:
@@ -232,9 +241,9 @@ class Reproduction:
 def _named(artefact: Artefact) -> str:
     """The artefact on the line of progress."""
     match artefact:
-        case Sources():
+        case PlannedSources():
             return f"sources {artefact.family.label}"
-        case Fit():
+        case PlannedFit():
             return f"fit {artefact.sources.family.label}"
         case _:
             return f"{artefact.method.label} {artefact.family.label}"

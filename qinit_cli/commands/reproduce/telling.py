@@ -12,10 +12,10 @@ from qinit_cli.commands.messages import note
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
 from qinit_cli.commands.reproduce.manifest import Spent
-from qinit_cli.paper.experiments import Artefact, Fit, Run, Sources
+from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
 from qinit_store.wording import counted, magnitude
 
-KINDS: dict[type[Artefact], str] = {Sources: "sources", Fit: "fits", Run: "runs"}
+KINDS: dict[type[Artefact], str] = {PlannedSources: "sources", PlannedFit: "fits", PlannedRun: "runs"}
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from qinit_cli.paper.experiments import Fit, Run, Sources
+from qinit_cli.paper.experiments import PlannedFit, PlannedRun, PlannedSources
 from qinit_cli.pipeline.words import option_words
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-def sources_command(sources: Sources, store: str) -> list[str]:
+def sources_command(sources: PlannedSources, store: str) -> list[str]:
     """The words behind `qinit`."""
     family = sources.family
     return [
@@ -22,12 +22,12 @@ def sources_command(sources: Sources, store: str) -> list[str]:
     ]
 
 
-def fit_command(fit: Fit, sources: Path, store: str) -> list[str]:
+def fit_command(fit: PlannedFit, sources: Path, store: str) -> list[str]:
     """The words behind `qinit`."""
     return ["fit", str(sources), *option_words(fit.options), "--store", store]
 
 
-def run_command(run: Run, fit: Path, store: str) -> list[str]:
+def run_command(run: PlannedRun, fit: Path, store: str) -> list[str]:
     """The words behind `qinit`."""
     family = run.family
     return [

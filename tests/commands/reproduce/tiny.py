@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from qinit_cli.__main__ import main
 from qinit_cli.paper import experiments
-from qinit_cli.paper.experiments import Scale, Sizes
+from qinit_cli.paper.experiments import Scale, ScaleSizes
 
 SCALES = {
     "quick": Scale(
         "quick",
-        {"gridworld": Sizes(12, 300, 4, 40), "mountain-car": Sizes(10, 300, 4, 30)},
+        {"gridworld": ScaleSizes(12, 300, 4, 40), "mountain-car": ScaleSizes(10, 300, 4, 30)},
         optimal=2,
         floor=3,
         floor_seeds=2,
