@@ -10,6 +10,17 @@ from qinit_cli.fields import check, option
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
 
+UNKNOWN = 1  # a flag: no source has a positive value there
+MASKED = 2  # a flag: some sources have none, and are left out
+
+# of normality, in words, by the names of the options
+TESTS = {"shapiro": "Shapiro-Wilk", "anderson": "Anderson-Darling", "lilliefors": "Lilliefors", "none": ""}
+EOPL_TESTS = {
+    "rounded": "Shapiro-Wilk against the rounded normal",
+    "dither": "Shapiro-Wilk with U(-.5, .5) added",
+    "none": "",
+}
+
 
 @dataclass(frozen=True)
 class FitOptions:

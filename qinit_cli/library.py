@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
+from qinit_cli.artefacts.choice import Choice
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.comparison import rows as comparing
 from qinit_cli.comparison import runs as compared
@@ -205,7 +206,7 @@ class Tuning(Saved):
     def choice(self) -> dict[str, float]:
         """The parameters that fare best."""
         with self._opened() as artefact:
-            return dict(tuning.Choice.of(artefact).chosen.parameters)
+            return dict(Choice.of(artefact).chosen.parameters)
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.pipeline.fit import Selection, fit
-from qinit_cli.pipeline.sources import SourceTasks, learn_sources
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets, statics
+from qinit_cli.pipeline.sources import learn_sources
+from qinit_cli.pipeline.transfer import learn_targets, statics
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import SourceTasks, TargetTasks
 from qinit_cli.watch import Watch
 from qinit_store.reading import open_artefact
 from qinit_store.schema import Axis, run_schema

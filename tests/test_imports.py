@@ -1,4 +1,4 @@
-"""Imports point one way: app -> commands -> stages -> methods -> environments -> kernels, and qinit_cli -> qinit_store."""
+"""Imports point one way: app, commands, pipeline, artefacts, methods, environments, kernels; qinit_cli -> qinit_store."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ LAYERS = (
     ("qinit_cli.commands",),
     ("qinit_cli.pictures",),
     ("qinit_cli.library",),
-    ("qinit_cli.pipeline", "qinit_cli.comparison", "qinit_cli.paper", "qinit_cli.artefacts"),
+    ("qinit_cli.pipeline", "qinit_cli.comparison", "qinit_cli.paper"),
+    ("qinit_cli.artefacts",),
+    ("qinit_cli.tasks",),
     ("qinit_cli.methods",),
     ("qinit_cli.environments",),
     ("qinit_cli.kernels",),

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.fitted import EOPL_TESTS, TESTS
+
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
 
@@ -22,8 +24,6 @@ def findings(arrays: Arrays, spec: Mapping[str, Any]) -> Findings:
 
     `arrays` holds the names along the axes `distribution` and `initialisation` as well.
     """
-    from qinit_cli.pipeline.fit_statistics import EOPL_TESTS, TESTS
-
     told: Findings = {}
     if "normality_p" in arrays:
         told["normality"] = _normality(arrays, "normality", TESTS[spec["normality"]])

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.opening import family_in
 from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.pipeline.fit import MASKED, UNKNOWN
-from qinit_cli.pipeline.sources import relative_error
+from qinit_cli.environments.family import relative_error
+from qinit_cli.fitted import MASKED, UNKNOWN
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,7 +140,7 @@ def _fit(artefact: Artefact) -> Shown:
 def _tuning(artefact: Artefact) -> Shown:
     import numpy as np
 
-    from qinit_cli.pipeline.tuning import Choice
+    from qinit_cli.artefacts.choice import Choice
 
     choice = Choice.of(artefact)
     best = choice.chosen

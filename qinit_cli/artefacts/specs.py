@@ -17,8 +17,7 @@ from qinit_cli.registry import PLUG_IN
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FitOptions
-    from qinit_cli.pipeline.sources import SourceTasks
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import SourceTasks, TargetTasks
 
 ALGORITHM = (
     1  # raised whenever the same settings would give other numbers; a family may have a higher one of its own

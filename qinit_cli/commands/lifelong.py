@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import TargetTasks
 
 
 def add_to(methods: typer.Typer) -> None:

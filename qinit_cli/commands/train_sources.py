@@ -20,7 +20,7 @@ from qinit_store.wording import counted, magnitude, plain
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Made
-    from qinit_cli.pipeline.sources import SourceTasks
+    from qinit_cli.tasks import SourceTasks
 
 
 def add_to(families: typer.Typer) -> None:

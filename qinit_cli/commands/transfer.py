@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables
     from qinit_cli.learning import Learning
     from qinit_cli.pipeline.job import Plan, Tally
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import TargetTasks
 
 
 @dataclass(frozen=True)

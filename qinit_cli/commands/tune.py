@@ -33,9 +33,10 @@ from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, shell_line
 
 if TYPE_CHECKING:
+    from qinit_cli.artefacts.choice import Candidate, Choice
     from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.rehearsal import Rehearsal
-    from qinit_cli.pipeline.tuning import Candidate, Choice, Grid
+    from qinit_cli.pipeline.tuning import Grid
 
 SCHEMA = "qinit.tune/1"
 TRIAL_CANDIDATES = 6  # of a dry run, evenly among all
@@ -104,12 +105,12 @@ def tune(
     display: Display,
 ) -> None:
     """Tries every combination on the sources, keeps how each fared, and prints it."""
+    from qinit_cli.artefacts.choice import Choice
     from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.rehearsal import plan_of, rehearsal_of, tried
-    from qinit_cli.pipeline.tuning import Choice
 
     path = references.one(sources, kept.store, references.LEARNING, output=kept.output)
     method, values = _asked(kind, grid, several, fixed)

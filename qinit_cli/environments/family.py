@@ -154,3 +154,12 @@ def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers) -> 
     dtype = np.dtype([(column.name, column.dtype) for column in family.parameters()])
     drawn = [family.draw(generator(seed, stream, int(index))) for index in indices]
     return np.array(drawn, dtype=dtype)
+
+
+def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:
+    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A)."""
+    import numpy as np
+
+    exact, _ = family.solve(tasks, gamma)
+    known = exact > 0
+    return np.where(known, np.abs(q - exact) / np.where(known, exact, 1.0), np.nan)

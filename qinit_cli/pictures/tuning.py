@@ -12,20 +12,20 @@ from qinit_cli.pictures.names import MINUS, number
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from qinit_cli.artefacts.choice import Candidate, Choice
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.tuning import Line, TuningPanel
-    from qinit_cli.pipeline.tuning import Candidate, Choice
 
 MOST_LINES, MOST_PANELS = 7, 12  # that can be told apart, and that fit on a page
 
 
 def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn:
     """Paired differences with their intervals over the parameter of most values; a second makes lines, others panels."""
+    from qinit_cli.artefacts.choice import Choice
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.figures import tuning as drawing
     from qinit_cli.figures.drawn import Drawn
     from qinit_cli.figures.style import house_style
-    from qinit_cli.pipeline.tuning import Choice
 
     with open_artefact(path, "tuning") as artefact:
         choice = Choice.of(artefact)

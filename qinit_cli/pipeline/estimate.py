@@ -13,8 +13,7 @@ from qinit_cli.pipeline.machine import Machine
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Plan
-    from qinit_cli.pipeline.sources import SourceTasks
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import SourceTasks, TargetTasks
 
 Tasks = TypeVar("Tasks", "SourceTasks", "TargetTasks")
 

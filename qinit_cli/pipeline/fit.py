@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import Family
-from qinit_cli.fitted import FitOptions
+from qinit_cli.fitted import MASKED, UNKNOWN, FitOptions
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.moments import Moments, SourceMoments
     from qinit_cli.arrays import Flags, Tasks
 
 BLOCK = 64  # tasks; a fixed partition in task order, else a fit's last bits would depend on how it was read
-
-UNKNOWN = 1  # a flag: no source has a positive value there
-MASKED = 2  # a flag: some sources have none, and are left out
 
 Block = dict[str, Any]  # "task", "q", "td_var" and "eopl" of up to BLOCK source tasks
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import FitOptions, FittedTables
+from qinit_cli.fitted import EOPL_TESTS, TESTS, FitOptions, FittedTables
 from qinit_cli.methods.method import Method
 from qinit_cli.methods.plus import initialisations
 from qinit_cli.pipeline.fit import Block, kept_of
@@ -25,12 +25,6 @@ if TYPE_CHECKING:
 
     Parts = Callable[..., dict[str, Any]]
 
-TESTS = {"shapiro": "Shapiro-Wilk", "anderson": "Anderson-Darling", "lilliefors": "Lilliefors", "none": ""}
-EOPL_TESTS = {
-    "rounded": "Shapiro-Wilk against the rounded normal",
-    "dither": "Shapiro-Wilk with U(-.5, .5) added",
-    "none": "",
-}
 FOLDS = 10
 MOST_LEARNED, MOST_SCORED = 1_000, 200  # tasks: each one scored is set against each one learned from
 VALUES_AT_ONCE = 2**22  # of a table that are worked on together, which bounds the memory

@@ -20,7 +20,8 @@ from qinit_cli.methods import Initial, Method
 from qinit_cli.pipeline.asked import Living
 from qinit_cli.pipeline.fit import pair_statistics
 from qinit_cli.pipeline.job import Plan
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets, plan_of
+from qinit_cli.pipeline.transfer import learn_targets, plan_of
+from qinit_cli.tasks import TargetTasks
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers

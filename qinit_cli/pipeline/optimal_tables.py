@@ -17,14 +17,15 @@ from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_cli.pipeline.room import Footprint, check_memory
-from qinit_cli.pipeline.sources import SourceTasks, plan_of
+from qinit_cli.pipeline.sources import plan_of
+from qinit_cli.tasks import SourceTasks
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.methods import Initial, Method
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import TargetTasks
 
 
 def initial_of(

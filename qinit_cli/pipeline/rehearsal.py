@@ -11,6 +11,7 @@ import numpy as np
 
 from qinit_cli.analysis import returns
 from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.choice import FOLDS, folds
 from qinit_cli.artefacts.opening import family_in
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables
@@ -19,8 +20,9 @@ from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import FROM_SOURCES, Rehearsing
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
-from qinit_cli.pipeline.transfer import STAND_INS, TargetTasks, learn_targets, learning_bytes
-from qinit_cli.pipeline.tuning import FOLDS, Grid, folds, with_parameters
+from qinit_cli.pipeline.transfer import learn_targets, learning_bytes
+from qinit_cli.pipeline.tuning import Grid, with_parameters
+from qinit_cli.tasks import STAND_INS, TargetTasks
 from qinit_store.held import Held
 from qinit_store.schema import tuning_schema
 from qinit_store.wording import counted

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.artefacts.opening import open_artefact
-from qinit_cli.environments.family import draw_tasks
-from qinit_cli.pipeline.sources import SourceTasks, relative_error
+from qinit_cli.environments.family import draw_tasks, relative_error
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import SourceTasks
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers

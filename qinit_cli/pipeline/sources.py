@@ -2,67 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.errors import UsageError
-from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.seeding import Stream, sequence
+from qinit_cli.tasks import SourceTasks
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from qinit_cli.arrays import Floats, Integers, Tasks
+    from qinit_cli.arrays import Integers, Tasks
     from qinit_cli.pipeline.asked import LearningSources
     from qinit_cli.pipeline.job import Plan
     from qinit_cli.watch import Watch
 
-Learner = Literal["q-learning", "exact"]
-Role = Literal["source", "target"]
 Rows = dict[str, Any]  # column name: array with a leading task axis
-
-
-@dataclass(frozen=True)
-class SourceStreams:
-    """Where the chance of a task comes from."""
-
-    task: Stream
-    dice: Stream
-    start: Stream
-    world: Stream
-
-
-STREAMS: dict[Role, SourceStreams] = {
-    "source": SourceStreams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
-    # target tasks learned as sources are: what `optimal` starts from where there are no exact tables
-    "target": SourceStreams(
-        Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD
-    ),
-}
-
-
-@dataclass(frozen=True)
-class SourceTasks:
-    """Which tasks are learned to the end, and how."""
-
-    family: Family
-    learner: Learner
-    learning: Learning
-    seed: int
-    role: Role = "source"
-
-    @property
-    def streams(self) -> SourceStreams:
-        """Where their chance comes from."""
-        return STREAMS[self.role]
-
-    @property
-    def bins(self) -> int:
-        """Bins of the learning curve."""
-        return curve_bins(self.learner, self.learning)
 
 
 def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
@@ -185,12 +142,3 @@ def bin_sizes(episodes: int, bins: int) -> Integers:
     # Python's numbers: no product is too large
     first = [-(-number * episodes // bins) for number in range(bins + 1)]
     return np.array([after - before for before, after in pairwise(first)], np.int64)
-
-
-def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:
-    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A)."""
-    import numpy as np
-
-    exact, _ = family.solve(tasks, gamma)
-    known = exact > 0
-    return np.where(known, np.abs(q - exact) / np.where(known, exact, 1.0), np.nan)

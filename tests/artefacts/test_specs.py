@@ -14,8 +14,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.logqinit_median import LogQInitMedian
-from qinit_cli.pipeline.sources import SourceTasks
-from qinit_cli.pipeline.transfer import TargetTasks
+from qinit_cli.tasks import SourceTasks, TargetTasks
 
 SOURCES = SourceTasks(Gridworld(), "q-learning", Gridworld.source_learning, 0)
 FITTED = specs.fit(specs.sources(SOURCES, 10), ["sources"], FitOptions())

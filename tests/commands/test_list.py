@@ -18,7 +18,7 @@ import pytest
 
 from qinit_cli.artefacts import specs
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.pipeline.sources import SourceTasks
+from qinit_cli.tasks import SourceTasks
 from qinit_store.schema import Axis, sources_schema
 from qinit_store.work import open_work
 

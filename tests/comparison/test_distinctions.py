@@ -23,8 +23,7 @@ from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
-from qinit_cli.pipeline.sources import SourceTasks
-from qinit_cli.pipeline.transfer import TargetTasks
+from qinit_cli.tasks import SourceTasks, TargetTasks
 
 HASH = re.compile(r"[0-9a-f]{8}")
 WORLD = Gridworld(size=6, variance=2)

@@ -15,8 +15,9 @@ from qinit_cli.environments import family_of
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.windy_gridworld import WindyGridworld
-from qinit_cli.pipeline.sources import SourceTasks, learn_sources
+from qinit_cli.pipeline.sources import learn_sources
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import SourceTasks
 from qinit_cli.watch import Watch
 
 UP, DOWN, LEFT, RIGHT = range(4)

@@ -18,7 +18,7 @@ from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.fitted import FitOptions
 from qinit_cli.paper import settings as paper_settings
 from qinit_cli.paper.verdicts import evidence, verdicts
-from qinit_cli.pipeline.sources import SourceTasks
+from qinit_cli.tasks import SourceTasks
 from qinit_store.reading import Artefact, open_artefact
 
 Run = Callable[..., Any]

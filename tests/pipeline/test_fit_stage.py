@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from qinit_cli.environments.mountain_car import MountainCar
-from qinit_cli.fitted import FitOptions
-from qinit_cli.pipeline.fit import BLOCK, MASKED, UNKNOWN, Selection, fit, select
+from qinit_cli.fitted import MASKED, UNKNOWN, FitOptions
+from qinit_cli.pipeline.fit import BLOCK, Selection, fit, select
 
 TASKS, SHAPE = 150, (3, 2, 4)  # three blocks, the last of them short
 

@@ -14,7 +14,8 @@ from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import METHODS
 from qinit_cli.pipeline.fit import pair_statistics
 from qinit_cli.pipeline.lifelong import Known, Lifetime, log_std
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets
+from qinit_cli.pipeline.transfer import learn_targets
+from qinit_cli.tasks import TargetTasks
 from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli.environments.family import draw_tasks
+from qinit_cli.environments.family import draw_tasks, relative_error
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.pipeline.sources import SourceTasks, bin_sizes, learn_sources, relative_error
+from qinit_cli.pipeline.sources import bin_sizes, learn_sources
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import SourceTasks
 from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)

@@ -12,8 +12,9 @@ from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.methods import Initial
 from qinit_cli.pipeline.sources import sequences
-from qinit_cli.pipeline.transfer import TargetTasks, learn_targets, statics
+from qinit_cli.pipeline.transfer import learn_targets, statics
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import TargetTasks
 from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=6, variance=2)

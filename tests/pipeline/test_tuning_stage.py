@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from qinit_cli.artefacts.choice import FOLDS, edges, folds, judged, worth
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
 from qinit_cli.pipeline.rehearsal import Rehearsal, candidates, parameters_of
-from qinit_cli.pipeline.transfer import STAND_INS, TARGETS, TargetTasks, learn_targets
-from qinit_cli.pipeline.tuning import FOLDS, edges, folds, judged, with_parameters, worth
+from qinit_cli.pipeline.transfer import learn_targets
+from qinit_cli.pipeline.tuning import with_parameters
 from qinit_cli.seeding import Stream
+from qinit_cli.tasks import STAND_INS, TARGETS, TargetTasks
 from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=5, variance=2)

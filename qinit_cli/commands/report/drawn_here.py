@@ -51,10 +51,10 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
 
 def _tuned(path: Path) -> dict[str, Any]:
     """What choosing parameters found."""
+    from qinit_cli.artefacts.choice import Choice
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands.tune import row, sentences
     from qinit_cli.fields import flag
-    from qinit_cli.pipeline.tuning import Choice
 
     with open_artefact(path, "tuning") as artefact:
         choice = Choice.of(artefact)

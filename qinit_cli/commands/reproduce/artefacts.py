@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.transfer import TargetTasks
+    from qinit_cli.tasks import TargetTasks
 
 
 def ordered(artefacts: Iterable[Artefact]) -> tuple[Artefact, ...]:

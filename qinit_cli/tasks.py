@@ -1,0 +1,127 @@
+"""Which tasks are asked for: sources, learned to the end, and targets, from what a method starts them with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.learning import Learning, curve_bins
+from qinit_cli.methods.targets import Targets
+from qinit_cli.seeding import Stream
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats, Integers, Tasks
+
+Learner = Literal["q-learning", "exact"]
+Role = Literal["source", "target"]
+
+MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
+
+
+@dataclass(frozen=True)
+class SourceStreams:
+    """Where the chance of a task that is learned to the end comes from."""
+
+    task: Stream
+    dice: Stream
+    start: Stream
+    world: Stream
+
+
+STREAMS: dict[Role, SourceStreams] = {
+    "source": SourceStreams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
+    # target tasks learned as sources are: what `optimal` starts from where there are no exact tables
+    "target": SourceStreams(
+        Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD
+    ),
+}
+
+
+@dataclass(frozen=True)
+class SourceTasks:
+    """Which tasks are learned to the end, and how."""
+
+    family: Family
+    learner: Learner
+    learning: Learning
+    seed: int
+    role: Role = "source"
+
+    @property
+    def streams(self) -> SourceStreams:
+        """Where their chance comes from."""
+        return STREAMS[self.role]
+
+    @property
+    def bins(self) -> int:
+        """Bins of the learning curve."""
+        return curve_bins(self.learner, self.learning)
+
+
+@dataclass(frozen=True)
+class TargetStreams:
+    """Where the chance of a task that is learned as a target comes from."""
+
+    task: Stream
+    dice: Stream
+    start: Stream
+    evaluation: Stream
+    choice: Stream
+    world: Stream
+
+
+TARGETS = TargetStreams(
+    Stream.TARGET_TASK,
+    Stream.TARGET_DICE,
+    Stream.TARGET_START,
+    Stream.TARGET_EVALUATION,
+    Stream.TARGET_CHOICE,
+    Stream.TARGET_WORLD,
+)
+# sources in the place of targets: what is chosen by them has seen no target and none of the targets' dice
+STAND_INS = TargetStreams(
+    Stream.SOURCE_TASK,
+    Stream.TUNING_DICE,
+    Stream.TUNING_START,
+    Stream.TUNING_EVALUATION,
+    Stream.TUNING_CHOICE,
+    Stream.TUNING_WORLD,
+)
+
+
+@dataclass(frozen=True)
+class TargetTasks:
+    """Which target tasks, how they are learned, and what is kept of them."""
+
+    family: Family
+    learning: Learning
+    seed: int
+    keep_q: bool
+    evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
+    keep_visits: bool = False
+    streams: TargetStreams = TARGETS
+
+    @property
+    def evaluations(self) -> int:
+        """How many there are: one before the first episode, one after every n-th."""
+        return 1 + self.learning.episodes // self.evaluate_every if self.evaluate_every else 0
+
+    @property
+    def moments(self) -> Integers:
+        """Episodes after which the weights of hypotheses are kept, (R,): none, each of the first few, ever fewer, all."""
+        import numpy as np
+
+        episodes = self.learning.episodes
+        spread = np.geomspace(1, episodes, MOMENTS).round().astype(np.int64)
+        return np.unique(np.concatenate([[0], spread]))
+
+    def targets(self, count: int, tables: Floats) -> Targets:
+        """The first `count` tasks as a privileged method sees them, with Q* of each, (T, S, A), where it needs them."""
+        import numpy as np
+
+        return Targets(self.family, self.learning, self.draw(np.arange(count)), tables)
+
+    def draw(self, indices: Integers) -> Tasks:
+        """The tasks at these indices, (B,)."""
+        return draw_tasks(self.family, self.seed, self.streams.task, indices)
