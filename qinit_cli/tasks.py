@@ -50,7 +50,7 @@ class SourceTasks:
 
     @property
     def streams(self) -> SourceStreams:
-        """Where their chance comes from."""
+        """Which streams they are drawn from."""
         return STREAMS[self.role]
 
     @property
@@ -61,7 +61,7 @@ class SourceTasks:
 
 @dataclass(frozen=True)
 class TargetStreams:
-    """Where the chance of a task that is learned as a target comes from."""
+    """Which streams a task that is learned as a target is drawn from."""
 
     task: Stream
     dice: Stream

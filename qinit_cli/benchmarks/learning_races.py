@@ -14,7 +14,7 @@ from qinit_cli.benchmarks.race import Race, Runner
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
-from qinit_cli.kernels.batch import Chance, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.dice import Words, lane_seeds, seeds
 from qinit_cli.learning import Learning
 from qinit_cli.pipeline.sources import sequences
@@ -114,12 +114,12 @@ def _learn(
 ) -> tuple[Floats, int]:
     """The tables learned, (B, S, A), and the steps that took."""
     indices = np.arange(len(tasks))
-    chance = Chance(
+    streams = LaneStreams(
         dice=lane_seeds(sequences(0, Stream.SOURCE_DICE, indices)),
         starts=seeds(sequences(0, Stream.SOURCE_START, indices)),
     )
     worlds = family.worlds(tasks, sequences(0, Stream.SOURCE_WORLD, indices))
-    learned = learn(worlds, learning, Start(start), chance, records, Watch())
+    learned = learn(worlds, learning, Start(start), streams, records, Watch())
     return learned.q, int(learned.step_count.sum())
 
 

@@ -72,7 +72,7 @@ class Family(Protocol):
         """The family with some fields changed; ValueError where tables of this family would not fit."""
         ...
 
-    def draw(self, chance: np.random.Generator) -> tuple[Any, ...]:
+    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
         """One task: a value for each parameter."""
         ...
 

@@ -80,17 +80,17 @@ class Gridworld(SlipperyGrid):
         kept = {} if changes.get("goals", self.goals) == self.goals else {"mean": None, "variance": None}
         return super().shifted(kept | changes)
 
-    def draw(self, chance: np.random.Generator) -> tuple[int, int, float]:
+    def draw(self, rng: np.random.Generator) -> tuple[int, int, float]:
         """One task: goal row, goal column and p. The target start (0, 0) is never a goal."""
-        row, column = self._normal().draw(chance) if self.goals == "normal" else self._uniform(chance)
-        return row, column, self._slip(chance)
+        row, column = self._normal().draw(rng) if self.goals == "normal" else self._uniform(rng)
+        return row, column, self._slip(rng)
 
     def _normal(self) -> NormalGoals:
         mean = self.mean or 0.0
         return NormalGoals(self.size, mean, mean, self.variance or 0.0)
 
-    def _uniform(self, chance: np.random.Generator) -> tuple[int, int]:
+    def _uniform(self, rng: np.random.Generator) -> tuple[int, int]:
         row, column = 0, 0
         while (row, column) == (0, 0):
-            row, column = (int(cell) for cell in chance.integers(self.size, size=2))
+            row, column = (int(cell) for cell in rng.integers(self.size, size=2))
         return row, column

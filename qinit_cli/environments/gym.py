@@ -235,9 +235,9 @@ class Gym(TableFamily):
             for each in self._variations
         )
 
-    def draw(self, chance: np.random.Generator) -> tuple[float | int, ...]:
+    def draw(self, rng: np.random.Generator) -> tuple[float | int, ...]:
         """One task: a value for all that is varied."""
-        return tuple(each.draw(chance) for each in self._variations)
+        return tuple(each.draw(rng) for each in self._variations)
 
     def tables(self, tasks: Tasks) -> Tables:
         """Where the steps of each task lead."""

@@ -31,8 +31,8 @@ def examples(settings: Settings, variations: tuple[Variation, ...]) -> tuple[Set
 
     drawn = []
     for seed in range(DRAWN if variations else 1):
-        chance = np.random.Generator(np.random.PCG64(seed))
-        drawn.append(with_values(settings, [(each, each.draw(chance)) for each in variations]))
+        rng = np.random.Generator(np.random.PCG64(seed))
+        drawn.append(with_values(settings, [(each, each.draw(rng)) for each in variations]))
     return tuple(drawn)
 
 

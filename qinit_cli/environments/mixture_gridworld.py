@@ -78,14 +78,14 @@ class MixtureGridworld(SlipperyGrid):
         chances: Floats = np.sum([weight * part.chances() for weight, part in self._parts()], axis=0)
         return chances
 
-    def draw(self, chance: np.random.Generator) -> tuple[int, int, float]:
+    def draw(self, rng: np.random.Generator) -> tuple[int, int, float]:
         """One task: goal row, goal column and p.
 
         A goal off the grid or at the target start is redrawn around the same mean, so that the weights stay what they are.
         """
         parts = self._parts()
-        which = int(chance.choice(len(parts), p=[weight for weight, _ in parts]))
-        return (*parts[which][1].draw(chance), self._slip(chance))
+        which = int(rng.choice(len(parts), p=[weight for weight, _ in parts]))
+        return (*parts[which][1].draw(rng), self._slip(rng))
 
     def _parts(self) -> list[tuple[float, NormalGoals]]:
         """The weight and the normal of each mean; ValueError where one hardly meets the grid."""

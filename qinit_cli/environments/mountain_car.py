@@ -125,9 +125,9 @@ class MountainCar:
             raise ValueError(f"the tables have {self.bins} x {self.bins} bins: bins cannot be shifted")
         return dataclasses.replace(self, **changes)
 
-    def draw(self, chance: np.random.Generator) -> tuple[float]:
+    def draw(self, rng: np.random.Generator) -> tuple[float]:
         """One task: its push; 0 where pushes are drawn every step."""
-        return (float(chance.normal(0.0, self.spread)) if self.noise_per == "task" else 0.0,)
+        return (float(rng.normal(0.0, self.spread)) if self.noise_per == "task" else 0.0,)
 
     @property
     def untabled(self) -> str:

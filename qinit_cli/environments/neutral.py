@@ -68,7 +68,7 @@ class NeutralFamily:
         """What a task is made of: one column each."""
         raise NotImplementedError
 
-    def draw(self, chance: np.random.Generator) -> tuple[Any, ...]:
+    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
         """One task: a value for each parameter."""
         raise NotImplementedError
 

@@ -33,11 +33,11 @@ class NormalGoals:
                 f"start apart, less than once in 100 draws; choose a mean on the grid"
             )
 
-    def draw(self, chance: np.random.Generator) -> tuple[int, int]:
+    def draw(self, rng: np.random.Generator) -> tuple[int, int]:
         """A goal's row and column."""
         row, column = 0, 0
         while (row, column) == (0, 0) or not (0 <= row < self.size and 0 <= column < self.size):
-            place = chance.normal((self.row, self.column), math.sqrt(self.variance))
+            place = rng.normal((self.row, self.column), math.sqrt(self.variance))
             row, column = (round(float(coordinate)) for coordinate in place)
         return row, column
 

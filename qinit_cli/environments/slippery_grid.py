@@ -53,8 +53,8 @@ class SlipperyGrid:
         p = "" if (self.p_low, self.p_high) == (0.6, 0.9) else f"-p-{self.p_low:g}-{self.p_high:g}"
         return f"{self.name}{size}-{goals}{p}"
 
-    def _slip(self, chance: np.random.Generator) -> float:
-        return float(chance.uniform(self.p_low, self.p_high))
+    def _slip(self, rng: np.random.Generator) -> float:
+        return float(rng.uniform(self.p_low, self.p_high))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -113,7 +113,7 @@ class SlipperyGrid:
         return ""
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
-        """The tasks as the compiled loop takes them; all their chance is in the steps' dice, `own` is not used."""
+        """The tasks as the compiled loop takes them; all that is random is in the steps' dice, `own` is not used."""
         from qinit_cli.kernels.gridworld import Gridworlds
 
         return Gridworlds(self.size, self._goals(tasks), tasks["p"].copy(), START)

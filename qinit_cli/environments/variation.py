@@ -115,11 +115,11 @@ class Variation:
             case _:
                 return None, None
 
-    def draw(self, chance: np.random.Generator) -> float | int:
+    def draw(self, rng: np.random.Generator) -> float | int:
         """One value, or the seed of a map."""
         if self.kind == "map":
-            return int(chance.integers(MAP_SEEDS))
-        return float(chance.normal(*self.numbers) if self.kind == "normal" else chance.uniform(*self.numbers))
+            return int(rng.integers(MAP_SEEDS))
+        return float(rng.normal(*self.numbers) if self.kind == "normal" else rng.uniform(*self.numbers))
 
     def value(self, drawn: float | int) -> Any:
         """What the environment is given."""
@@ -142,9 +142,9 @@ def _map_is_found(size: int, frozen: float) -> bool:
     import numpy as np
     from gymnasium.envs.toy_text.frozen_lake import is_valid
 
-    chance = np.random.Generator(np.random.PCG64(0))
+    rng = np.random.Generator(np.random.PCG64(0))
     for _ in range(MAP_TRIES):
-        board = np.where(chance.random((size, size)) < frozen, "F", "H")
+        board = np.where(rng.random((size, size)) < frozen, "F", "H")
         board[0, 0], board[-1, -1] = "S", "G"
         if is_valid(board.tolist(), size):
             return True

@@ -107,10 +107,10 @@ class WindyGridworld(TableFamily):
             return "with --wind-scale 0 all tasks are the same: there is no distribution to transfer from"
         return ""
 
-    def draw(self, chance: np.random.Generator) -> tuple[float, int]:
+    def draw(self, rng: np.random.Generator) -> tuple[float, int]:
         """One task: its wind, scale times a standard Weibull, and where that blows to."""
-        wind = self.wind_scale * float(chance.weibull(self.wind_shape))
-        return wind, int(chance.integers(4)) if self.wind == "any" else DIRECTIONS.index(self.wind)
+        wind = self.wind_scale * float(rng.weibull(self.wind_shape))
+        return wind, int(rng.integers(4)) if self.wind == "any" else DIRECTIONS.index(self.wind)
 
     def shifted(self, changes: dict[str, Any]) -> Self:
         """The family with some fields changed; ValueError for another size, which these tables would not fit."""

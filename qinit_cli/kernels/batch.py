@@ -49,7 +49,7 @@ class Worlds(Protocol):
 
 
 @dataclass(frozen=True)
-class Chance:
+class LaneStreams:
     """The streams of a batch, as dice.lane_seeds and dice.seeds make them."""
 
     dice: Words  # (B, 4, 8) slips, exploration and picks
@@ -109,7 +109,7 @@ def learn(
     worlds: Worlds,
     learning: Learning,
     start: Start,
-    chance: Chance,
+    streams: LaneStreams,
     records: Records,
     watch: Watch,
     lanes: int | None = None,
@@ -121,14 +121,14 @@ def learn(
     batch = len(worlds)
     shape = (batch, worlds.states, worlds.actions)
     _expect("start table", start.table.shape, shape[1:], shape)
-    _expect("dice", chance.dice.shape, (batch, 4, 8))
-    _expect("start dice", chance.starts.shape, (batch, 4))
+    _expect("dice", streams.dice.shape, (batch, 4, 8))
+    _expect("start dice", streams.starts.shape, (batch, 4))
     if not 1 <= records.bins <= learning.episodes:
         raise ValueError(f"{records.bins} bins of {learning.episodes} episodes; a bin holds one at least")
     tasks = Tasks(
         q=np.broadcast_to(start.table, shape).astype(np.float64, order="C"),
-        dice=chance.dice.copy(),
-        start_dice=chance.starts.copy(),
+        dice=streams.dice.copy(),
+        start_dice=streams.starts.copy(),
         episode=np.zeros(batch, np.int64),
         step_count=np.zeros(batch, np.int64),
         finished=np.zeros(batch, np.bool_),
@@ -137,7 +137,7 @@ def learn(
     )
     visits = np.zeros(shape, np.int64) if records.visits else None
     td_var = np.zeros(shape) if records.td_var else None
-    evaluation = _evaluation(records.evaluate_every, learning.episodes, chance.evaluation, batch)
+    evaluation = _evaluation(records.evaluate_every, learning.episodes, streams.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
     arguments = (
@@ -149,7 +149,7 @@ def learn(
         visits,
         td_var,
         evaluation,
-        _choosing(start.policies, chance.choices, lanes, shape),
+        _choosing(start.policies, streams.choices, lanes, shape),
         posterior := _posterior(start.hypotheses, learning, records.moments, lanes, shape),
     )
     with worlds if isinstance(worlds, AbstractContextManager) else nullcontext():

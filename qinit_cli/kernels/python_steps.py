@@ -135,5 +135,5 @@ def _start(world, task, lane, dice, anywhere):
 
 
 @steps(PythonWorld, cuts=True)
-def _step(world, task, lane, state, action, chance, dice):
+def _step(world, task, lane, state, action, uniform, dice):
     return _call(world.step, np.int64(task), np.int64(action))

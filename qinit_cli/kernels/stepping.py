@@ -40,7 +40,7 @@ class Stepping(NamedTuple):
     """The worlds of a batch as the loop reads them, and where those in the lanes are."""
 
     own: Any  # what the family's functions read
-    dice: Any  # u8 (B, 4) chance of a task beyond the steps' own
+    dice: Any  # u8 (B, 4) randomness of a task beyond the steps' own
     anywhere: bool  # where episodes start; else at the target start
     state: Any  # i8 (L,)
     worth: Any  # f8 (L, S + 2) of entering a state: gamma max_a Q; the last two are the goal's, 1, and that of being lost, 0
@@ -91,8 +91,8 @@ def starts(world: type) -> Callable[[Function], Any]:
 def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
     """Registers what a step does in worlds of that class, and compiles it.
 
-    The function takes (world, task, lane, state, action, chance, dice) and returns the table's state that the step leads to,
-    GOAL or LOST. `chance` is uniform in [0, 1); what needs more draws from `dice`. What the table does not see is kept in
+    The function takes (world, task, lane, state, action, uniform, dice) and returns the table's state that the step leads to,
+    GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `dice`. What the table does not see is kept in
     arrays of the world, at `lane`. With `cuts` it may also return CUT - state: the episode ends in that state as it does
     at the horizon, without the goal, and the state's value still counts.
     """
@@ -111,9 +111,9 @@ def start_of(world, task, lane, dice, anywhere):
     return _STARTS[type(world)].py_func(world, task, lane, dice, anywhere)
 
 
-def step_of(world, task, lane, state, action, chance, dice):
+def step_of(world, task, lane, state, action, uniform, dice):
     """Where a step leads to; compiled code calls what the world's class has registered."""
-    return _STEPS[type(world)].py_func(world, task, lane, state, action, chance, dice)
+    return _STEPS[type(world)].py_func(world, task, lane, state, action, uniform, dice)
 
 
 def entered(world, after):
@@ -128,10 +128,10 @@ def _start_of(world, task, lane, dice, anywhere):
 
 
 @overload(step_of, jit_options=LEAN)
-def _step_of(world, task, lane, state, action, chance, dice):
+def _step_of(world, task, lane, state, action, uniform, dice):
     registered = _STEPS[_class_of(world)]
-    return lambda world, task, lane, state, action, chance, dice: registered(
-        world, task, lane, state, action, chance, dice
+    return lambda world, task, lane, state, action, uniform, dice: registered(
+        world, task, lane, state, action, uniform, dice
     )
 
 
@@ -211,8 +211,8 @@ def _step(step, task, lane, world, setting, tasks, potential, visits, td_var, ch
         choosing.psi[lane] *= choosing.nu
         if follows and not (explores and choosing.explore_while_following):
             action = np.int64(choosing.policies[choosing.chosen[lane], state])
-    chance = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
-    code = step_of(world.own, task, lane, state, action, chance, world.dice[task])
+    uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
+    code = step_of(world.own, task, lane, state, action, uniform, world.dice[task])
     after = entered(world.own, code)
     gamma, place = setting.gamma, after if after >= 0 else tasks.q.shape[1] - 1 - after
     if posterior is not None and posterior.live[lane] and after >= 0:
@@ -322,8 +322,8 @@ def _evaluate(task, lane, ended, world, setting, tasks, evaluation):
     while state >= 0 and length < setting.horizon:
         drawn = draw(dice)
         action = _chosen(tasks.q[task, state], drawn, False)
-        chance = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
-        state = step_of(world.own, task, lane, state, action, chance, dice)
+        uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
+        state = step_of(world.own, task, lane, state, action, uniform, dice)
         length += 1
     evaluation.steps[task, ended // evaluation.every] = length
     evaluation.reached[task, ended // evaluation.every] = state == GOAL

@@ -70,10 +70,10 @@ def start(world, task, lane, dice, anywhere):
 
 
 @steps(TableWorld)
-def step(world, task, lane, state, action, chance, dice):
-    """The outcome whose share of [0, 1) the chance falls into."""
+def step(world, task, lane, state, action, uniform, dice):
+    """The outcome whose share of [0, 1) the uniform falls into."""
     outcome = 0
-    while chance >= world.limits[task, state, action, outcome]:
+    while uniform >= world.limits[task, state, action, outcome]:
         outcome += 1
     return np.int64(world.after[task, state, action, outcome])
 

@@ -101,10 +101,10 @@ def statistics(sample: Block, origin: Origin, options: FitOptions) -> dict[str, 
     """The arrays that `contents` describes but for the held-out errors, from a sample's `columns`."""
     arrays: dict[str, Any] = {}
     if options.normality != "none":
-        test = partial(_normality, chance=_chance(origin, _TEST), test=options.normality)
+        test = partial(_normality, rng=_rng(origin, _TEST), test=options.normality)
         arrays |= _by_cells(test, sample["q"])
     if options.eopl_normality != "none":
-        test = partial(_eopl_normality, chance=_chance(origin, _EOPL), how=options.eopl_normality)
+        test = partial(_eopl_normality, rng=_rng(origin, _EOPL), how=options.eopl_normality)
         arrays |= _by_cells(test, sample["eopl"])
     if options.alternatives:
         learned, folds = _folds(len(sample["q"]), origin.seed)
@@ -140,7 +140,7 @@ def held_out_errors(
     }
 
 
-def _chance(origin: Origin, index: int) -> Any:
+def _rng(origin: Origin, index: int) -> Any:
     return generator(origin.seed, Stream.NORMALITY, index)
 
 
@@ -158,7 +158,7 @@ def _by_cells(of: Parts, *tables: Any) -> dict[str, Any]:
     return {name: values.reshape(*values.shape[:-1], *shape) for name, values in joined.items()}
 
 
-def _normality(q: Floats, *, chance: Any, test: str) -> dict[str, Any]:
+def _normality(q: Floats, *, rng: Any, test: str) -> dict[str, Any]:
     import numpy as np
 
     from qinit_cli.analysis.normality import named_tests, normality
@@ -166,10 +166,10 @@ def _normality(q: Floats, *, chance: Any, test: str) -> dict[str, Any]:
 
     positive = q > 0
     logarithms = ln(np.where(positive, q, 1.0))
-    return _told("normality", normality(logarithms, positive, named_tests(chance)[TESTS[test].lower()]))
+    return _told("normality", normality(logarithms, positive, named_tests(rng)[TESTS[test].lower()]))
 
 
-def _eopl_normality(eopl: Any, *, chance: Any, how: str) -> dict[str, Any]:
+def _eopl_normality(eopl: Any, *, rng: Any, how: str) -> dict[str, Any]:
     import numpy as np
 
     from qinit_cli.analysis.normality import normality
@@ -178,9 +178,9 @@ def _eopl_normality(eopl: Any, *, chance: Any, how: str) -> dict[str, Any]:
     arrives = eopl >= 0  # 0 at the goal is a length, by definition 1
     lengths = eopl.astype(np.float64)
     tested = (
-        rounded_normality(lengths, arrives, chance)
+        rounded_normality(lengths, arrives, rng)
         if how == "rounded"
-        else normality(dithered(lengths, chance), arrives)
+        else normality(dithered(lengths, rng), arrives)
     )
     return _told("eopl_normality", tested)
 

@@ -101,7 +101,7 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
 def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
     import numpy as np
 
-    from qinit_cli.kernels.batch import Chance, Records, Start, learn
+    from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.dice import lane_seeds, seeds
 
     family = sources.family
@@ -110,7 +110,7 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
         worlds,
         sources.learning,
         Start(np.zeros((worlds.states, worlds.actions))),
-        Chance(
+        LaneStreams(
             dice=lane_seeds(sequences(sources.seed, sources.streams.dice, indices)),
             starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
         ),

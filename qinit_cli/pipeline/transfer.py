@@ -129,7 +129,7 @@ def learn_targets(
     import numpy as np
 
     from qinit_cli.analysis.returns import discounted_returns
-    from qinit_cli.kernels.batch import Chance, Records, Start, learn
+    from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.dice import lane_seeds, seeds
 
     family, learning = targets.family, targets.learning
@@ -139,7 +139,7 @@ def learn_targets(
         family.worlds(tasks, sequences(targets.seed, targets.streams.world, indices)),
         learning,
         Start(own.start, own.potential if own.potential.any() else None, own.policies, own.hypotheses),
-        Chance(
+        LaneStreams(
             dice=lane_seeds(sequences(targets.seed, targets.streams.dice, indices)),
             starts=seeds(sequences(targets.seed, targets.streams.start, indices)),
             evaluation=seeds(sequences(targets.seed, targets.streams.evaluation, indices)),

@@ -9,7 +9,7 @@ import pytest
 import reference
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
@@ -22,15 +22,17 @@ GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, s
 ALL = Records(bins=60, visits=True, td_var=True)
 
 
-def chance(seed: int, tasks: int) -> Chance:
+def chance(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return Chance(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
+    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
-def part(given: Chance, tasks: slice | list[int]) -> Chance:
-    return Chance(**{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)})
+def part(given: LaneStreams, tasks: slice | list[int]) -> LaneStreams:
+    return LaneStreams(
+        **{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)}
+    )
 
 
 def worlds(tasks: slice | list[int] = slice(None)) -> Gridworlds:
@@ -46,7 +48,7 @@ def potential(tasks: int) -> np.ndarray:
     return np.random.default_rng(6).random((tasks, SIZE**2))
 
 
-def expected(task: int, learning: Learning, start: Start, given: Chance) -> reference.Outcome:
+def expected(task: int, learning: Learning, start: Start, given: LaneStreams) -> reference.Outcome:
     fixed = 0 if learning.start == "fixed" else None
     starts = reference.xoshiro(given.starts[task])
     world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), fixed, starts)
@@ -89,7 +91,7 @@ def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, explor
 
 
 def test_policies_without_streams_are_refused() -> None:
-    bare = Chance(chance(1, len(GOALS)).dice, chance(1, len(GOALS)).starts)
+    bare = LaneStreams(chance(1, len(GOALS)).dice, chance(1, len(GOALS)).starts)
     start = Start(table(), None, Policies(np.zeros((2, SIZE**2), np.int64)))
     with pytest.raises(ValueError, match="streams of their own"):
         learn(worlds(), EXPLORING, start, bare, ALL, Watch())

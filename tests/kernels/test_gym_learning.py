@@ -12,7 +12,7 @@ import reference
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
-from qinit_cli.kernels.batch import Chance, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.stepping import CUT, GOAL
@@ -36,10 +36,10 @@ def tasks_of(family: Gym, count: int) -> np.ndarray:
     return draw_tasks(family, 0, Stream.SOURCE_TASK, np.arange(count))
 
 
-def chance(indices: list[int]) -> Chance:
+def chance(indices: list[int]) -> LaneStreams:
     some = np.array(indices)
     streams = (Stream.SOURCE_START, Stream.TARGET_EVALUATION)
-    return Chance(
+    return LaneStreams(
         lane_seeds(sequences(0, Stream.SOURCE_DICE, some)),
         *(seeds(sequences(0, each, some)) for each in streams),
     )

@@ -13,7 +13,7 @@ import reference
 from gymnasium.envs.classic_control import mountain_car as theirs
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
@@ -32,8 +32,8 @@ def streams(kind: int, tasks: int) -> list[np.random.SeedSequence]:
     return [np.random.SeedSequence(1, spawn_key=(kind, task)) for task in range(tasks)]
 
 
-def chance(tasks: int) -> Chance:
-    return Chance(
+def chance(tasks: int) -> LaneStreams:
+    return LaneStreams(
         dice.lane_seeds(streams(0, tasks)), *(dice.seeds(streams(kind, tasks)) for kind in (1, 3, 4))
     )
 
@@ -104,7 +104,7 @@ def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
     given = chance(len(ETA))
     whole = learn(MountainCars(ETA, bins=BINS), EXPLORING, Start(table()), given, ALL, Watch(), lanes=16)
     for task in (0, 9):
-        alone = Chance(given.dice[[task]], given.starts[[task]])
+        alone = LaneStreams(given.dice[[task]], given.starts[[task]])
         single = learn(MountainCars(ETA[[task]], bins=BINS), EXPLORING, Start(table()), alone, ALL, Watch())
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(single, name)[0], getattr(whole, name)[task])

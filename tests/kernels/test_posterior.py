@@ -11,7 +11,7 @@ import reference
 from scipy import stats
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Records, Start, Weighing, learn
+from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, Weighing, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.gridworld_exact import solve
@@ -60,16 +60,16 @@ ALL = Records(40, True, True)
 MOMENTS = np.array([0, 1, 2, 5, 20])
 
 
-def chance(seed: int, tasks: int) -> Chance:
+def chance(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return Chance(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2)))
+    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2)))
 
 
-def part(given: Chance, tasks: list[int]) -> Chance:
+def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
     assert given.evaluation is not None
-    return Chance(given.dice[tasks], given.starts[tasks], given.evaluation[tasks])
+    return LaneStreams(given.dice[tasks], given.starts[tasks], given.evaluation[tasks])
 
 
 def grid_hypotheses(rules: dict[str, Any], geometric: bool, tables: int = 11) -> Hypotheses:
@@ -93,7 +93,7 @@ def start_of(hypotheses: Hypotheses) -> Start:
 
 
 def learned_from(
-    worlds: Any, learning: Learning, hypotheses: Hypotheses, given: Chance, lanes: int | None = None
+    worlds: Any, learning: Learning, hypotheses: Hypotheses, given: LaneStreams, lanes: int | None = None
 ) -> tuple[Learned, Weighing]:
     """With every record, so that few loops are compiled."""
     records = Records(learning.episodes, True, True, 7, np.append(MOMENTS, learning.episodes))

@@ -9,7 +9,7 @@ import pytest
 import reference
 
 from qinit_cli.kernels import dice
-from qinit_cli.kernels.batch import Chance, Learned, Policies, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds, neighbours
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.stepping import GOAL, LOST
@@ -74,15 +74,17 @@ class Table:
         return after == GOAL
 
 
-def chance(seed: int, tasks: int) -> Chance:
+def chance(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return Chance(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
+    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
-def part(given: Chance, tasks: list[int]) -> Chance:
-    return Chance(**{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)})
+def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
+    return LaneStreams(
+        **{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)}
+    )
 
 
 def worlds(tasks: slice | list[int] = slice(None)):

@@ -7,7 +7,7 @@ import numpy as np
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.kernels.batch import Chance, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.methods import Initial
@@ -43,7 +43,7 @@ def test_a_zero_start_is_plain_q_learning() -> None:
         FAMILY.worlds(tasks, []),
         TARGETS.learning,
         Start(np.zeros((36, 4))),
-        Chance(
+        LaneStreams(
             lane_seeds(sequences(5, Stream.TARGET_DICE, INDICES)),
             seeds(sequences(5, Stream.TARGET_START, INDICES)),
         ),

@@ -49,9 +49,9 @@ class Corridor(TableFamily):
             ),
         )
 
-    def draw(self, chance: np.random.Generator) -> tuple[int, float]:
+    def draw(self, rng: np.random.Generator) -> tuple[int, float]:
         """One task: the door in the farther half, and how slippery the floor is."""
-        return int(chance.integers(self.length // 2, self.length)), float(chance.uniform(0, self.slip))
+        return int(rng.integers(self.length // 2, self.length)), float(rng.uniform(0, self.slip))
 
     def tables(self, tasks: Any) -> Tables:
         """Where steps lead: for exact tables, path lengths and whether a task is solved."""

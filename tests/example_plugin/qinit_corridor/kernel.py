@@ -26,8 +26,8 @@ def start(world, task, lane, dice, anywhere):
 
 
 @steps(World)
-def step(world, task, lane, state, action, chance, dice):
+def step(world, task, lane, state, action, uniform, dice):
     """A cell on, or back if the floor is slippery."""
-    meant = chance < 1 - world.slip[task]
+    meant = uniform < 1 - world.slip[task]
     after = walked(state, 1 if (action == 1) == meant else -1, world.length)
     return GOAL if after == world.door[task] else after
