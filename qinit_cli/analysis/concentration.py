@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
 
 
 def effective_number(weights: Floats) -> Floats:
     """1 / sum w^2 along the last axis: how many equal weights would be as concentrated (Kish)."""
-    import numpy as np
-
     shares = np.asarray(weights, np.float64)
     number: Floats = shares.sum(axis=-1) ** 2 / (shares**2).sum(axis=-1)
     return number
@@ -19,8 +19,6 @@ def effective_number(weights: Floats) -> Floats:
 
 def largest_share(weights: Floats) -> Floats:
     """The share of the heaviest along the last axis."""
-    import numpy as np
-
     shares = np.asarray(weights, np.float64)
     share: Floats = shares.max(axis=-1) / shares.sum(axis=-1)
     return share

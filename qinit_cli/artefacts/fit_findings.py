@@ -43,8 +43,6 @@ def rejected(p: Floats) -> dict[str, float | None]:
 
     The state-actions depend on each other: Benjamini-Yekutieli's alone holds whatever the dependence.
     """
-    import numpy as np
-
     from qinit_cli.analysis.multiplicity import benjamini_hochberg, benjamini_yekutieli
 
     corrections: dict[str, Callable[[Floats], Floats]] = {
@@ -60,8 +58,6 @@ def rejected(p: Floats) -> dict[str, float | None]:
 
 
 def _normality(arrays: Arrays, prefix: str, test: str) -> Findings:
-    import numpy as np
-
     n, p = arrays[f"{prefix}_n"], arrays[f"{prefix}_p"]
     tested = np.isfinite(p)
     n_tested = n[tested] if tested.any() else np.zeros(1, n.dtype)
@@ -81,8 +77,6 @@ def _normality(arrays: Arrays, prefix: str, test: str) -> Findings:
 
 
 def _alternatives(arrays: Arrays) -> Findings:
-    import numpy as np
-
     from qinit_cli.analysis.alternatives import Alternatives
 
     names = _texts(arrays["distribution"])
@@ -109,8 +103,6 @@ def _alternatives(arrays: Arrays) -> Findings:
 
 def _held_out(arrays: Arrays) -> Findings:
     """Means over the held-out tasks, each with its standard error; `behind` is paired with the nearest by mean |error|."""
-    import numpy as np
-
     names = _texts(arrays["initialisation"])
     errors = {
         name: arrays[f"held_out_{name}"]
@@ -130,8 +122,6 @@ def _held_out(arrays: Arrays) -> Findings:
 
 def _mean(name: str, values: Floats) -> Findings:
     """The mean of the known values and its standard error."""
-    import numpy as np
-
     known = values[np.isfinite(values)]
     return {
         name: _plain(known.mean()) if known.size else None,
@@ -140,8 +130,6 @@ def _mean(name: str, values: Floats) -> Findings:
 
 
 def _theory(arrays: Arrays) -> Findings:
-    import numpy as np
-
     from qinit_cli.analysis.theory import pooled_share
 
     explained = arrays["theory_explained"]
@@ -172,8 +160,6 @@ def _texts(names: Any) -> tuple[str, ...]:
 
 
 def _median(values: Floats) -> float | None:
-    import numpy as np
-
     known = values[np.isfinite(values)]
     return _plain(np.median(known)) if known.size else None
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.artefacts.opening import family_in
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import relative_error
 from qinit_cli.fitted import MASKED, UNKNOWN
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from qinit_cli.arrays import Floats, Tasks
     from qinit_store.reading import Artefact
 
@@ -42,8 +42,6 @@ def show(artefact: Artefact) -> Shown:
 
 
 def _sources(artefact: Artefact) -> Shown:
-    import numpy as np
-
     from qinit_cli.elementary import ln
 
     spec = artefact.spec
@@ -90,8 +88,6 @@ def _sources(artefact: Artefact) -> Shown:
 
 
 def _tasks(family: Family, block: dict[str, Any]) -> Tasks:
-    import numpy as np
-
     columns = family.parameters()
     tasks = np.empty(len(block["task"]), dtype=np.dtype([(column.name, column.dtype) for column in columns]))
     for column in columns:
@@ -101,8 +97,6 @@ def _tasks(family: Family, block: dict[str, Any]) -> Tasks:
 
 def _error_numbers(errors: Floats, tasks: np.ndarray[Any, Any]) -> dict[str, int | float]:
     """Relative errors against exact tables, (n, S * A), NaN where the exact value is 0."""
-    import numpy as np
-
     medians = np.array([np.median(known) for row in errors if (known := row[np.isfinite(row)]).size])
     if not medians.size:
         return {}
@@ -116,8 +110,6 @@ def _error_numbers(errors: Floats, tasks: np.ndarray[Any, Any]) -> dict[str, int
 
 
 def _fit(artefact: Artefact) -> Shown:
-    import numpy as np
-
     n, flags, median = (artefact.read(name) for name in ("n", "flags", "lognormal_median"))
     numbers: dict[str, Any] = {
         "sources": int(artefact.spec["sources"]["tasks"]),
@@ -160,8 +152,6 @@ def _tuning(artefact: Artefact) -> Shown:
 
 
 def _run(artefact: Artefact) -> Shown:
-    import numpy as np
-
     from qinit_cli.analysis import returns
 
     gamma, horizon = float(artefact.spec["learning"]["gamma"]), int(artefact.spec["learning"]["horizon"])

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Group
 
@@ -92,8 +94,6 @@ def attainable(group: Group) -> Callable[[ComparedRun], Floats] | None:
 
 
 def _arrival(earned: Floats, possible: Floats) -> Arrival:
-    import numpy as np
-
     from qinit_cli.analysis.survival import time_to_threshold
 
     # half of nothing would be reached at once: who can hope for nothing never arrives

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import (
     OF_METHOD,
     OF_RECORD,
@@ -146,8 +148,6 @@ def _distinct(entries: Sequence[tuple[Entry, Words]], varying: set[str]) -> tupl
 
 
 def _expect_equal_values(runs: list[ComparedRun]) -> None:
-    import numpy as np
-
     known = [(run.name, run.v_star) for run in runs if run.v_star is not None]
     for name, values in known[1:]:
         first, expected = known[0]

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures import legend
 from qinit_cli.figures.looks import Appearance, appearances
 from qinit_cli.figures.style import TEXT, folded, plain_numbers
@@ -66,7 +68,6 @@ def bars(
 def _bars(
     axes: Axes, series: Sequence[Bars], own: Mapping[str, Appearance], groups: Sequence[str], width: float
 ) -> None:
-    import numpy as np
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import MaxNLocator
 

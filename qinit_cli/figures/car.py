@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures.style import COLOURS, TEXT, folded, plain_numbers
 
 if TYPE_CHECKING:
@@ -43,7 +45,6 @@ class Hill:
 
 def car(hill: Hill, title: str, width: float = TEXT) -> Figure:
     """The world in profile, with the density of the push above the noisy part. Call it within `house_style`."""
-    import numpy as np
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, 0.45 * width + 0.5 + (0.2 if title else 0)))
@@ -77,8 +78,6 @@ def car(hill: Hill, title: str, width: float = TEXT) -> Figure:
 
 def _car(axes: Axes, hill: Hill, rise: float) -> None:
     """The car at rest where it starts."""
-    import numpy as np
-
     foot = float(hill.height(np.array([hill.start]))[0])
     places = np.array(BODY) * (1.0, rise) + (hill.start, foot)
     axes.fill(places[:, 0], places[:, 1], color=CAR, zorder=4)
@@ -89,8 +88,6 @@ def _car(axes: Axes, hill: Hill, rise: float) -> None:
 
 def _flag(axes: Axes, hill: Hill, rise: float) -> None:
     """The flag where an episode ends."""
-    import numpy as np
-
     foot = float(hill.height(np.array([hill.goal]))[0])
     top = foot + 0.32 * rise
     axes.plot([hill.goal] * 2, [foot, top], color="black", zorder=4)
@@ -113,8 +110,6 @@ def _say(axes: Axes, words: str, x: float, y: float) -> None:
 
 def _density(axes: Axes, hill: Hill) -> None:
     """The density of the push, and those of the tasks beneath it."""
-    import numpy as np
-
     axes.set_title(f"push η ~ N(0, {hill.spread:g}²), {hill.of_what}", fontsize=7, pad=3)
     axes.spines["left"].set_visible(False)
     axes.set(yticks=[])

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures.style import COLUMN, TEXT, folded, line_styles, plain_numbers
 
 if TYPE_CHECKING:
@@ -41,7 +43,6 @@ class DrawnLengths:
 
 def eopl(shown: Sequence[DrawnLengths], title: str, width: float = TEXT) -> Figure:
     """Histograms below each other, densities beside or beneath them. Call it within `house_style`."""
-    import numpy as np
     from matplotlib.figure import Figure
 
     beside = width > COLUMN
@@ -79,8 +80,6 @@ def eopl(shown: Sequence[DrawnLengths], title: str, width: float = TEXT) -> Figu
 
 def _edges(samples: Sequence[Floats]) -> Floats:
     """Bins of whole lengths, the same for all, at most MOST_BINS from the shortest to the longest, edges between lengths."""
-    import numpy as np
-
     known = np.concatenate([np.empty(0), *samples])
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     step = max(1.0, np.ceil((high - low + 1) / MOST_BINS))
@@ -89,7 +88,6 @@ def _edges(samples: Sequence[Floats]) -> Floats:
 
 
 def _histogram(axes: Axes, each: DrawnLengths, edges: Floats, room: float) -> None:
-    import numpy as np
     from matplotlib.ticker import MaxNLocator
 
     sample = each.sample

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import (
     COLUMN,
@@ -142,7 +144,6 @@ def _sizes(grid: Grid, shape: float, beneath: int, width: float, title: str) -> 
 
 def _colours(layer: Layer) -> Normalize:
     """The scale from the least to the largest known value of the layer, widened where they are one."""
-    import numpy as np
     from matplotlib.colors import LogNorm, Normalize
 
     known = np.concatenate([values[np.isfinite(values)] for values in layer.panels.values()])
@@ -161,7 +162,6 @@ def _draw(
     axes: Axes, values: Floats, sides: tuple[Side, Side], layer: Layer, colours: Normalize
 ) -> AxesImage:
     import matplotlib
-    import numpy as np
     from matplotlib.colors import LogNorm
 
     upright, across = sides
@@ -222,8 +222,6 @@ def _end(image: AxesImage) -> Literal["min", "neither"]:
 
 
 def _label(image: AxesImage, layer: Layer, room: float) -> str:
-    import numpy as np
-
     unknown = any(np.isnan(values).any() for values in layer.panels.values())
     label = layer.label + ("; grey: no source knows" if unknown else "")
     return folded(label, room)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures.style import COLOURS, COLUMN, TEXT, plain_numbers
 
 if TYPE_CHECKING:
@@ -61,8 +63,6 @@ def histograms(shown: Sequence[StateHistograms], title: str, width: float = TEXT
 
 def _histogram(axes: Axes, values: Floats, sample: ValueSample, density: Callable[[Floats], Floats]) -> None:
     """Counts in equal bins, and the fitted density times n and a bin's width: what the fit would have counted."""
-    import numpy as np
-
     _ticks(axes)
     if not values.size:
         axes.text(0.5, 0.5, "no value above 0", transform=axes.transAxes, ha="center", va="center")
@@ -79,8 +79,6 @@ def _histogram(axes: Axes, values: Floats, sample: ValueSample, density: Callabl
 
 def _edges(values: Floats) -> Floats:
     """Bins by the rule of Freedman and Diaconis, at most MOST_BINS."""
-    import numpy as np
-
     edges: Floats = np.histogram_bin_edges(values, "fd")
     return edges if len(edges) <= MOST_BINS + 1 else np.histogram_bin_edges(values, MOST_BINS)
 

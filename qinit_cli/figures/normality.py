@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.heatmaps import ANY_SHAPE, Side, ticks
 from qinit_cli.figures.style import COLUMN, TEXT, VALUE_COLOURS, folded, plain_numbers
@@ -86,7 +88,6 @@ def normality(
 def _statistic_colours(tested: Sequence[Map]) -> tuple[Normalize, Any]:
     """Colours over the bulk of the statistic, so that a few odd state-actions do not hide the others."""
     import matplotlib
-    import numpy as np
     from matplotlib.colors import Normalize
 
     known = np.concatenate([each.statistic[np.isfinite(each.statistic)] for each in tested])
@@ -104,15 +105,12 @@ def _p_colours() -> tuple[Normalize, Any]:
 
 def _ends(tested: Sequence[Map], norm: Normalize) -> Literal["neither", "both", "min", "max"]:
     """Pointed ends of the colour bar where values lie beyond them."""
-    import numpy as np
-
     known = np.concatenate([each.statistic[np.isfinite(each.statistic)] for each in tested])
     below, above = bool((known < norm.vmin).any()), bool((known > norm.vmax).any())
     return "both" if below and above else "min" if below else "max" if above else "neither"
 
 
 def _draw(axes: Axes, values: Floats, sides: tuple[Side, Side], norm: Normalize, colours: Any) -> AxesImage:
-    import numpy as np
     from matplotlib.patches import Rectangle
 
     upright, across = sides

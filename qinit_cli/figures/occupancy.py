@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.figures.heatmaps import ANY_SHAPE, Side, ticks
 from qinit_cli.figures.style import COLUMN, TEXT, VALUE_COLOURS, folded, line_styles, plain_numbers
 
@@ -40,7 +42,6 @@ def occupancy(
 
     All axes end where the visited states do. Call it within `house_style`.
     """
-    import numpy as np
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 
@@ -93,8 +94,6 @@ def occupancy(
 
 def _limits(visited: Flags, upright: Side, across: Side) -> tuple[tuple[float, float], tuple[float, float]]:
     """From where to where each axis goes: the visited states, and one more on either side where there is one."""
-    import numpy as np
-
     found = []
     for side, other in ((upright, 1), (across, 0)):
         at = np.flatnonzero(visited.any(axis=other))
@@ -114,8 +113,6 @@ def _shape(visited: Flags, upright: Side, across: Side) -> float:
 
 
 def _map(axes: Axes, each: Visits, norm: Any, sides: tuple[Side, Side], limits: Any) -> Any:
-    import numpy as np
-
     upright, across = sides
     bottom, top = reversed(upright.ends) if upright.downwards else upright.ends
     image = axes.imshow(
@@ -148,7 +145,6 @@ def _outlines(axes: Axes, shown: Sequence[Visits], sides: tuple[Side, Side], lim
 
     Rare visits, one path's each, would make as many edges of their own.
     """
-    import numpy as np
     from matplotlib.collections import LineCollection
 
     upright, across = sides
@@ -168,8 +164,6 @@ def _outlines(axes: Axes, shown: Sequence[Visits], sides: tuple[Side, Side], lim
 
 def edges(inside: Flags, upright: Side, across: Side) -> Floats:
     """Line segments (L, 2, 2) of x, y around the states `inside` (upright, across), of which none is between two of them."""
-    import numpy as np
-
     ys, xs = (np.linspace(*side.ends, len(side.places) + 1) for side in (upright, across))
     padded = np.pad(inside, 1)
     rows, columns = np.nonzero(padded[1:, 1:-1] != padded[:-1, 1:-1])

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.figures.style import COLUMN, LETTER, TEXT, folded, line_styles, plain_numbers
 
 if TYPE_CHECKING:
@@ -90,8 +92,6 @@ def tuning(
 
 def _panel(axes: Axes, panel: TuningPanel, labels: Sequence[str], styles: dict[str, dict[str, Any]]) -> None:
     """Points and their intervals, those of one value beside each other; the default and the choice are marked."""
-    import numpy as np
-
     step = min(APART, SPREAD / len(labels))
     axes.axhline(0, color="black", linewidth=0.6)
     for line in panel.lines:

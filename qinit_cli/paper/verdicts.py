@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Entry, Group, grouped
@@ -98,8 +100,6 @@ class _Read:
                 return
 
     def _add_run(self, artefact: Artefact) -> None:
-        import numpy as np
-
         from qinit_cli.analysis.returns import average
         from qinit_cli.comparison.scores import curve
 
@@ -121,8 +121,6 @@ def _by_setting(found: Mapping[tuple[Setting, str], Any]) -> dict[Setting, tuple
 
 def _place(family: Family, places: tuple[float, ...]) -> tuple[int, ...]:
     """The cell, or the nearest bin, at these coordinates."""
-    import numpy as np
-
     return tuple(
         int(np.abs(axis.values - place).argmin()) for axis, place in zip(family.axes(), places, strict=True)
     )
@@ -130,8 +128,6 @@ def _place(family: Family, places: tuple[float, ...]) -> tuple[int, ...]:
 
 def _at_states(artefact: Artefact, states: Sequence[tuple[int, ...]]) -> tuple[Any, Any]:
     """Values and path lengths of the states in every task, (N, STATE, A) each; a block of tasks is in memory at a time."""
-    import numpy as np
-
     at = tuple(np.array(states).T)  # of each axis
     blocks = [
         (block["q"][:, *at], block["eopl"][:, *at])
@@ -142,8 +138,6 @@ def _at_states(artefact: Artefact, states: Sequence[tuple[int, ...]]) -> tuple[A
 
 def _values(family: Family, q: Floats) -> Values:
     """The positive values of each state (N, STATE, A) at the action of the largest mean, as `qinit plot histograms` has them."""
-    import numpy as np
-
     from qinit_cli.claims.evidence import Values
 
     positive = q > 0
@@ -160,8 +154,6 @@ def _values(family: Family, q: Floats) -> Values:
 
 def _lengths(q: Floats, eopl: Any) -> Lengths:
     """Lengths along each task's own greedy path, from values and lengths of one state, (N, A) each."""
-    import numpy as np
-
     from qinit_cli.analysis.length_sample import LengthSample
     from qinit_cli.claims.evidence import Lengths
 
@@ -183,8 +175,6 @@ def _tested(artefact: Artefact, family: Family) -> LengthTests:
 
 def _among(chances: Floats) -> Any:
     """The smallest set of states that holds AMONG_GOALS of the chances (S,); nowhere where all are 0."""
-    import numpy as np
-
     order = np.argsort(-chances, kind="stable")
     before = np.cumsum(chances[order]) - chances[order]
     among = np.zeros(len(chances), np.bool_)
@@ -248,8 +238,6 @@ def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Se
 
 def _arms(entries: Iterable[Entry], averages: Mapping[str, Floats]) -> dict[str, Arm]:
     """By label; of copies, which differ by what they keep alone, the first."""
-    import numpy as np
-
     from qinit_cli.claims.scores import Arm
 
     arms: dict[str, Arm] = {}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import METRIC_LABELS, legible, listed, number
@@ -81,8 +83,6 @@ def _bounds(bars: Bars, at: int) -> str:
 
 def _series(comparisons: list[GroupComparison], baseline: str | None) -> list[Bars]:
     """One set of bars a method, with gaps where a group has no run of it."""
-    import numpy as np
-
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.figures.bars import Bars
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import TEXT
 
@@ -38,8 +40,6 @@ def drawn(path: Path, *, title: str | None = None, width: float = TEXT) -> Drawn
 
 
 def _hill(family: MountainCar, pushes: Floats) -> Hill:
-    import numpy as np
-
     from qinit_cli.environments.mountain_car import POSITIONS, START
     from qinit_cli.figures.car import Hill
     from qinit_cli.kernels.mountain_car import GOAL
@@ -59,8 +59,6 @@ def _hill(family: MountainCar, pushes: Floats) -> Hill:
 
 
 def _alt(hill: Hill, family: MountainCar) -> str:
-    import numpy as np
-
     pushes = (
         f"; the {hill.pushes.size} tasks' pushes go from {hill.pushes.min():.3g} to {hill.pushes.max():.3g}, "
         f"standard deviation {np.std(hill.pushes):.3g}"

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import COLUMN
 from qinit_cli.pictures.names import METRIC_LABELS, listed, marked, number
@@ -116,8 +118,6 @@ def _lines(whole: Group, groups: Sequence[Group], metric: Metric, smooth: int) -
 
 
 def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: str = "") -> Curve:
-    import numpy as np
-
     from qinit_cli.analysis import returns
     from qinit_cli.comparison.scores import curve
     from qinit_cli.figures.curves import Curve

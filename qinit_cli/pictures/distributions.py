@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.pictures.names import distribution
 
@@ -32,8 +34,6 @@ class Distribution:
     @property
     def alike(self) -> bool:
         """Whether all tasks are alike, so that what differs between their tables is learning."""
-        import numpy as np
-
         tasks = np.concatenate(self.tasks)
         return len(tasks) > 0 and bool((tasks == tasks[0]).all())
 
@@ -95,8 +95,6 @@ def _unseen(
     artefact: Artefact, family: Family, columns: Sequence[str], seen: set[bytes]
 ) -> Iterator[tuple[Tasks, dict[str, Any]]]:
     """The tasks that were not seen before and their columns, a block at a time."""
-    import numpy as np
-
     parameters = [(column.name, column.dtype) for column in family.parameters()]
     first = 0
     for block in artefact.blocks((*columns, *(name for name, _ in parameters)), artefact.schema.block_size):

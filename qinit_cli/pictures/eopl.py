@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.distributions import distributions, learned_otherwise, named
@@ -53,8 +55,6 @@ def drawn(paths: Sequence[Path], *, title: str | None = None, width: float = TEX
 
 def _at_start(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str, Any]) -> Any:
     """Lengths (B,) of the greedy paths from the target start."""
-    import numpy as np
-
     start = (slice(None), *_place(family))
     greedy = block["q"][start].argmax(axis=-1)
     return np.take_along_axis(block["eopl"][start], greedy[:, None], axis=-1)[:, 0]
@@ -62,8 +62,6 @@ def _at_start(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[st
 
 def _place(family: Family) -> tuple[int, ...]:
     """The target start on the state axes."""
-    import numpy as np
-
     return tuple(
         int(np.abs(axis.values - coordinate).argmin())
         for axis, coordinate in zip(family.axes(), family.shown_states()[0], strict=True)
@@ -72,8 +70,6 @@ def _place(family: Family) -> tuple[int, ...]:
 
 def _shown(name: str, one: Distribution) -> DrawnLengths:
     """The lengths as they are drawn."""
-    import numpy as np
-
     from qinit_cli.analysis.length_sample import LengthSample
     from qinit_cli.analysis.rounded_normal import RESAMPLES
     from qinit_cli.figures.eopl import DrawnLengths

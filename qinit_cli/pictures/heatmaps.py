@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import TEXT
@@ -59,8 +61,6 @@ def drawn(
 
 def _sides(families: list[Family]) -> tuple[Side, Side]:
     """The state axes: the first stands upright, the second lies across; a single one lies."""
-    import numpy as np
-
     from qinit_cli.figures.heatmaps import Side
 
     if len({(family.name, family.shape) for family in families}) > 1:
@@ -117,8 +117,6 @@ def _alt(layer: Layer, names: list[str], upright: Side, across: Side) -> str:
 
 
 def _peak(layer: Layer, row: str, name: str, upright: Side, across: Side, *, named: bool) -> str:
-    import numpy as np
-
     table = layer.panels[row, name]
     if np.isnan(table).all():
         return "unknown everywhere"

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import COLUMN, TEXT
 from qinit_cli.pictures.names import listed, number, place
@@ -80,8 +82,6 @@ def _coordinates(text: str, family: Family) -> tuple[float, ...]:
 
 def _indices(places: tuple[float, ...], family: Family) -> tuple[int, ...]:
     """The cell, or the nearest bin, of each coordinate; UsageError where the axis does not reach so far."""
-    import numpy as np
-
     found = []
     for coordinate, axis in zip(places, family.axes(), strict=True):
         nearest = int(np.abs(axis.values - coordinate).argmin())
@@ -98,8 +98,6 @@ def _indices(places: tuple[float, ...], family: Family) -> tuple[int, ...]:
 
 def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
     """The action values of the states in every task, (N, STATE, A); one block of tasks is in memory at a time."""
-    import numpy as np
-
     places = tuple(np.array(states).T)  # of each axis
     blocks = artefact.blocks(("q",), artefact.schema.block_size)
     return np.concatenate([block["q"][:, *places] for block in blocks])
@@ -107,8 +105,6 @@ def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
 
 def _shown(name: str, values: Floats, family: Family) -> StateHistograms:
     """The sample (N, A) of one state as it is drawn."""
-    import numpy as np
-
     from qinit_cli.analysis.value_sample import ValueSample, shapiro_wilk_of
     from qinit_cli.figures.histograms import StateHistograms
 

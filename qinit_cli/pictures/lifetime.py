@@ -7,6 +7,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import TEXT
@@ -45,8 +47,6 @@ def drawn(paths: Sequence[Path], store: Store, *, title: str | None = None, widt
 
 
 def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
-    import numpy as np
-
     from qinit_cli.analysis import returns
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.environments import family_of

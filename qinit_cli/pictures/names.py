@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
     from qinit_cli.figures.heatmaps import Side
@@ -70,8 +72,6 @@ def axis_label(axis: Axis) -> str:
 
 def sides(family: Family) -> tuple[Side, ...]:
     """The state axes as they are drawn; cells are counted downwards, as the rows of a matrix."""
-    import numpy as np
-
     from qinit_cli.figures.heatmaps import Side
 
     return tuple(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import sides
@@ -47,8 +49,6 @@ def drawn(
 
 def _alt(tested: list[Map], words: Words, own: str) -> str:
     """The middle of the statistic, and the shares that are rejected."""
-    import numpy as np
-
     statistics = np.stack([each.statistic for each in tested])
     known = statistics[np.isfinite(statistics)]
     if not known.size:
@@ -62,8 +62,6 @@ def _alt(tested: list[Map], words: Words, own: str) -> str:
 
 def _tested(artefact: Artefact, family: Family, of: str, action: str) -> list[Map]:
     """The maps that are drawn; NotAllowed where the fit was not tested so."""
-    import numpy as np
-
     from qinit_cli.figures.normality import Map
 
     prefix = PREFIXES[of]
@@ -84,8 +82,6 @@ def _tested(artefact: Artefact, family: Family, of: str, action: str) -> list[Ma
 
 def _words(artefact: Artefact, tested: list[Map], of: str) -> Words:
     """What the maps show, of how many tasks, and how many state-actions are rejected by each correction."""
-    import numpy as np
-
     from qinit_cli.artefacts.fit_findings import rejected
     from qinit_cli.figures.normality import Words
 

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.figures.style import COLUMN, TEXT
 from qinit_cli.pictures.distributions import distributions, learned_otherwise, named
@@ -61,8 +63,6 @@ def _visits(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str,
 
 
 def _shown(name: str, one: Distribution) -> Visits:
-    import numpy as np
-
     from qinit_cli.figures.occupancy import Visits
 
     counts = np.sum([visits for visits, _, _ in one.found], axis=0).reshape(one.family.shape)

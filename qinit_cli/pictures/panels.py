@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
@@ -118,8 +120,6 @@ def _largest(start: Floats, n: Integers, *, reads_sources: bool) -> Floats:
 
     NaN where no source has a value, by their number `n` (S, A): there a method that reads sources starts from a bound.
     """
-    import numpy as np
-
     largest: Floats = start.max(axis=-1)
     if not reads_sources:
         return largest
@@ -129,8 +129,6 @@ def _largest(start: Floats, n: Integers, *, reads_sources: bool) -> Floats:
 
 def _table(path: Path, quantity: str) -> Panels:
     """One table of the fit at the action of the largest mean, the first where several are, NaN where no source knows."""
-    import numpy as np
-
     from qinit_cli.artefacts.opening import family_in, open_artefact
 
     name = quantity.replace("-", "_")
@@ -179,8 +177,6 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
 
 def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str]) -> Integers:
     """How many sources know each entry of the fit that a run started from, (S, A); 1 of each, and a note, where there is none."""
-    import numpy as np
-
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_store.catalog import FOLDERS, NAME
     from qinit_store.reading import describe
@@ -213,8 +209,6 @@ def _add(column: Panels, more: Panels, path: Path) -> None:
 
     Where no setting does, under the end of the artefact's name.
     """
-    import numpy as np
-
     for name, table in more.tables.items():
         if name not in column.tables:
             column.tables[name] = table

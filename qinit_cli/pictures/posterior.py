@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
@@ -70,8 +72,6 @@ def _read(path: Path) -> tuple[dict[str, Any], tuple[Integers, Floats, int]]:
 
 
 def _weighed(label: str, found: list[tuple[Integers, Floats, int]]) -> Weighed:
-    import numpy as np
-
     from qinit_cli.analysis.concentration import effective_number, largest_share
     from qinit_cli.figures.posterior import Weighed
 

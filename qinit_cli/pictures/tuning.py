@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import UsageError
 from qinit_cli.figures.style import TEXT
 from qinit_cli.pictures.names import MINUS, number
@@ -75,8 +77,6 @@ def _panels(choice: Choice, along: str, lines: Sequence[str], panels: Sequence[s
 
 
 def _line(label: str, found: Sequence[Candidate], along: str, places: dict[float, int]) -> Line:
-    import numpy as np
-
     from qinit_cli.analysis.intervals import Interval
     from qinit_cli.figures.tuning import Line
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.pipeline.workers import Outcome
 
 if TYPE_CHECKING:
@@ -93,8 +95,6 @@ def _check_tasks(found: list[int], asked: list[int], *, whole: bool) -> None:
 
 
 def _rows(content: memoryview, count: int, schema: Schema) -> dict[str, Any]:
-    import numpy as np
-
     shapes = {column.name: (count, *schema.row_shape(column)) for column in _given(schema)}
     sizes = {
         column.name: int(np.prod(shapes[column.name], dtype=np.int64)) * column.little_endian.itemsize
@@ -123,6 +123,4 @@ def _given(schema: Schema) -> list[Column]:
 
 
 def _array(ids: list[int]) -> Integers:
-    import numpy as np
-
     return np.array(ids, dtype=np.int64)

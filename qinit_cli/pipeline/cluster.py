@@ -29,6 +29,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakValueDictionary
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed, QinitError, UsageError
 from qinit_cli.pipeline.answers import Unfit, WorkerFailed, opened, packed
 from qinit_cli.pipeline.workers import IN_FLIGHT, Careful, Outcome, batches, results
@@ -395,8 +397,6 @@ class BatchSizes:
 
     def batches(self, tasks: Integers, jobs: Callable[[], int]) -> Iterator[Integers]:
         """The task ids, in order, in batches."""
-        import numpy as np
-
         self._waiting.extend(batches(tasks, jobs()))
         while self._waiting:
             count = self._joined(len(self._waiting[0]), jobs())
@@ -422,8 +422,6 @@ def worthwhile(jobs: int) -> float:
 
 
 def _nothing() -> Outcome:
-    import numpy as np
-
     return Outcome(np.empty(0, np.int64), {})
 
 

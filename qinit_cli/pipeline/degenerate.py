@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from qinit_cli.learning import Learning
 from qinit_store.wording import counted, magnitude
 
@@ -65,8 +67,6 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
 
 def of_fit(spec: Mapping[str, Any], arrays: Mapping[str, Any]) -> Iterator[str]:
     """Why a fit with these arrays tells nothing; `spec` is its own."""
-    import numpy as np
-
     known = np.asarray(arrays["n"]) > 0
     if not known.any():
         yield "no source has a value above 0 anywhere: there is nothing to transfer"

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from qinit_cli.pipeline.job import place, share_of
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
@@ -54,8 +56,6 @@ def foresee(
     Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
     still have become much shorter, the time is overestimated.
     """
-    import numpy as np
-
     from qinit_cli.pipeline.room import Footprint, check_artefact, check_memory
     from qinit_cli.watch import Watch
 
@@ -111,8 +111,6 @@ def _growth(rows: dict[str, Any], episodes: int, tried: int) -> float:
 
 def _compression(trial: Plan, rows: dict[str, Any]) -> float:
     """Bytes on disk over bytes in memory."""
-    import numpy as np
-
     from qinit_store.digest import task_digests
     from qinit_store.encoding import Header, checked, image
     from qinit_store.schema import Schema

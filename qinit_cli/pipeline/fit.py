@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.environments.family import Family
 from qinit_cli.fitted import MASKED, UNKNOWN, FitOptions
 
@@ -37,8 +39,6 @@ def select(family: Family, tasks: Tasks, solved: Flags, horizon: int, options: F
 
 def hold_out(selection: Selection, count: int) -> tuple[Selection, Flags]:
     """The selection without the last `count` sources it keeps, and which these are, (N,)."""
-    import numpy as np
-
     kept = np.flatnonzero(selection.kept)
     held = np.zeros_like(selection.kept)
     held[kept[max(0, len(kept) - count) :]] = True
@@ -50,8 +50,6 @@ def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> d
 
     `blocks` partitions the source tasks in task order, BLOCK in each but the last.
     """
-    import numpy as np
-
     from qinit_cli.analysis.moments import source_moments
 
     library = _KeptTables(library_size(selection, options))
@@ -99,15 +97,11 @@ class _KeptTables:
 
 
 def _no_tables(moments: SourceMoments) -> Any:
-    import numpy as np
-
     return np.empty((0, *moments.q.n.shape))
 
 
 def pair_statistics(log_q: Moments, q: Moments, estimator: str) -> dict[str, Any]:
     """The tables of a fit (Fit.TABLES) that the moments of ln Q and Q over the same tasks make, by the estimator."""
-    import numpy as np
-
     from qinit_cli.analysis.estimators import MEDIANS, lognormal_mean, lognormal_median
 
     settled = (log_q.n, log_q.mean, log_q.squares)
@@ -128,8 +122,6 @@ def pair_statistics(log_q: Moments, q: Moments, estimator: str) -> dict[str, Any
 
 
 def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
-    import numpy as np
-
     log_q, q, eopl = moments.log_q, moments.q, moments.eopl
     unknown = q.n == 0
     return pair_statistics(log_q, q, estimator) | {

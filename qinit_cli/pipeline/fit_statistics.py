@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import EOPL_TESTS, TESTS, FitOptions, FittedTables
@@ -71,8 +73,6 @@ class Sample:
     """The tasks that statistics are made of, kept from the blocks that pass through on their way to the fit."""
 
     def __init__(self, kept: Flags, seed: int, names: tuple[str, ...]) -> None:
-        import numpy as np
-
         from qinit_cli.analysis.normality import tasks_tested
 
         places = np.flatnonzero(kept)
@@ -82,8 +82,6 @@ class Sample:
 
     def reading(self, blocks: Iterable[Block]) -> Iterator[Block]:
         """The same blocks, a partition of the tasks in their order."""
-        import numpy as np
-
         first = filled = 0
         for block in blocks:
             last = first + len(block["task"])
@@ -122,8 +120,6 @@ def held_out_errors(
 
     `blocks` partitions the tasks that `held` is of. NaN where the fit's estimator has no such start.
     """
-    import numpy as np
-
     from qinit_cli.analysis.held_out import held_out_error
 
     starts = _starts(fit, origin.family)
@@ -146,8 +142,6 @@ def _rng(origin: Origin, index: int) -> Any:
 
 def _by_cells(of: Parts, *tables: Any) -> dict[str, Any]:
     """The arrays (..., C) that `of` makes of tables (N, C), as (..., STATE, A), from tables (N, STATE, A)."""
-    import numpy as np
-
     shape = tables[0].shape[1:]
     flat = [table.reshape(len(table), -1) for table in tables]
     size = max(1, VALUES_AT_ONCE // max(1, len(tables[0])))
@@ -159,8 +153,6 @@ def _by_cells(of: Parts, *tables: Any) -> dict[str, Any]:
 
 
 def _normality(q: Floats, *, rng: Any, test: str) -> dict[str, Any]:
-    import numpy as np
-
     from qinit_cli.analysis.normality import named_tests, normality
     from qinit_cli.elementary import ln
 
@@ -170,8 +162,6 @@ def _normality(q: Floats, *, rng: Any, test: str) -> dict[str, Any]:
 
 
 def _eopl_normality(eopl: Any, *, rng: Any, how: str) -> dict[str, Any]:
-    import numpy as np
-
     from qinit_cli.analysis.normality import normality
     from qinit_cli.analysis.rounded_normal import dithered, rounded_normality
 
@@ -186,8 +176,6 @@ def _eopl_normality(eopl: Any, *, rng: Any, how: str) -> dict[str, Any]:
 
 
 def _told(prefix: str, tested: Any) -> dict[str, Any]:
-    import numpy as np
-
     return {
         f"{prefix}_n": tested.n.astype(np.int32),
         f"{prefix}_w": tested.statistic,
@@ -199,8 +187,6 @@ def _told(prefix: str, tested: Any) -> dict[str, Any]:
 
 def _folds(count: int, seed: int) -> tuple[Integers, Integers]:
     """Which of `count` tasks are learned from, ascending, and the fold of each; -1 for those that are not scored."""
-    import numpy as np
-
     order = generator(seed, Stream.HOLDOUT, 0).permutation(count)[:MOST_LEARNED]
     fold = np.where(np.arange(len(order)) < MOST_SCORED, np.arange(len(order)) % FOLDS, -1)
     ascending = np.argsort(order)
@@ -208,8 +194,6 @@ def _folds(count: int, seed: int) -> tuple[Integers, Integers]:
 
 
 def _alternatives(q: Floats, *, folds: Integers) -> dict[str, Any]:
-    import numpy as np
-
     from qinit_cli.analysis.alternatives import akaike, held_out_scores
 
     aic, scored = akaike(q), held_out_scores(q, folds)
@@ -220,8 +204,6 @@ def _alternatives(q: Floats, *, folds: Integers) -> dict[str, Any]:
 
 def _log_path(sample: Block, family: Family) -> Floats:
     """ln of the chance of each path, (N, STATE, A)."""
-    import numpy as np
-
     eopl = sample["eopl"]
     drawn = {column.name: column.dtype for column in family.parameters()}
     tasks: Tasks = np.empty(len(eopl), list(drawn.items()))
@@ -232,8 +214,6 @@ def _log_path(sample: Block, family: Family) -> Floats:
 
 
 def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str, Any]:
-    import numpy as np
-
     from qinit_cli.analysis.theory import theory
 
     found = theory(q, eopl, gamma, log_path)
@@ -257,8 +237,6 @@ def start(method: Method, fit: FittedTables, family: Family) -> Floats:
 
 def _starts(fit: FittedTables, family: Family) -> list[Floats]:
     """Each initialisation's start, (S, A), with its default options; NaN where the fit's estimator has none."""
-    import numpy as np
-
     starts = []
     for method in initialisations().values():
         try:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli import signals
 from qinit_cli.errors import Interrupted, TasksFailed
 from qinit_cli.pipeline.keeping import Keeping, target_path, working
@@ -91,8 +93,6 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
 
     NotAllowed or SystemFailed where it would not fit, see `room`.
     """
-    import numpy as np
-
     from qinit_cli.pipeline.room import Footprint, check_artefact, check_room
     from qinit_store.held import HeldWork
 
@@ -141,8 +141,6 @@ def place(plan: Plan, keeping: Keeping, machine: Machine) -> Path:
 
 def share_of(count: int, share: int, shares: int) -> Integers:
     """The ids of the share-th of so many shares of `count` tasks, as even as can be, each a run of ids."""
-    import numpy as np
-
     return np.array_split(np.arange(count), shares)[share - 1]
 
 
@@ -286,8 +284,6 @@ class _Waiting:
 
     def save(self) -> None:
         """Saves what is held."""
-        import numpy as np
-
         if self._held:
             ids = np.concatenate([held for held, _ in self._held])
             names = self._held[0][1]

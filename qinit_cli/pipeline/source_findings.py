@@ -51,8 +51,6 @@ class LearnedSources:
 
 def learned(source: Path | Held, tasks: SourceTasks) -> LearnedSources:
     """What the artefact of these tasks holds."""
-    import numpy as np
-
     family, left = tasks.family, ERROR_TASKS if tasks.learner != "exact" and tasks.family.tabular else 0
     entries = math.prod(family.shape) * len(family.actions)
     solved, errors = [np.empty(0, np.bool_)], [np.empty((0, entries))]

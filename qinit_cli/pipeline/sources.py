@@ -6,6 +6,8 @@ from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.errors import UsageError
 from qinit_cli.seeding import Stream, sequence
@@ -82,8 +84,6 @@ def shaped(rows: Rows, family: Family, tables: tuple[str, ...] = ("q", "td_var",
 def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
     import time
 
-    import numpy as np
-
     sources.family.solve(tasks[:0], sources.learning.gamma)  # compiles, if need be, outside the time
     began = time.perf_counter()
     q, td_var = sources.family.solve(tasks, sources.learning.gamma)
@@ -99,8 +99,6 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
 
 
 def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
-    import numpy as np
-
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.dice import lane_seeds, seeds
 
@@ -137,8 +135,6 @@ def sequences(seed: int, stream: Stream, indices: Integers) -> list[np.random.Se
 
 def bin_sizes(episodes: int, bins: int) -> Integers:
     """How many episodes fall into each bin, (bins,), where episode e falls into bin e * bins // episodes."""
-    import numpy as np
-
     # Python's numbers: no product is too large
     first = [-(-number * episodes // bins) for number in range(bins + 1)]
     return np.array([after - before for before, after in pairwise(first)], np.int64)

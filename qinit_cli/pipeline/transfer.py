@@ -6,6 +6,8 @@ import re
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.environments import family_of
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import UsageError
@@ -126,8 +128,6 @@ def learn_targets(
     targets: TargetTasks, initial: Initial, indices: Integers, watch: Watch
 ) -> tuple[Integers, Rows]:
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
-    import numpy as np
-
     from qinit_cli.analysis.returns import discounted_returns
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.dice import lane_seeds, seeds
@@ -196,8 +196,6 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
 
 def learned(made: Made, targets: TargetTasks, fit: FittedTables) -> TargetsLearned:
     """What became of the targets of a run; unsolvable are those that neither the family's own rule nor any episode solved."""
-    import numpy as np
-
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.pipeline.degenerate import TargetsLearned
 

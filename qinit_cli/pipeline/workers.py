@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.watch import Watch
@@ -56,8 +58,6 @@ class Careful:
 
 
 def _together(outcomes: list[Outcome]) -> Outcome:
-    import numpy as np
-
     learned = [outcome for outcome in outcomes if len(outcome.ids)]
     names = learned[0].rows if learned else {}
     return Outcome(
@@ -88,8 +88,6 @@ def threads_here(jobs: int, learn: Learn, watch: Watch) -> Iterator[Crew]:
 
 def batches(tasks: Integers, jobs: int) -> list[Integers]:
     """The task ids in batches of at most BATCH, as many for one worker as for another; no number depends on it."""
-    import numpy as np
-
     rounds = -(-len(tasks) // (BATCH * jobs))
     return [batch for batch in np.array_split(tasks, rounds * jobs) if len(batch)] if rounds else []
 

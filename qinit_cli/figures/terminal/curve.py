@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures.terminal.sheet import Sheet, labels, ticks
 
 if TYPE_CHECKING:
@@ -46,8 +48,6 @@ def curve(values: Floats, first: int, xlabel: str, sheet: Sheet) -> list[Text]:
 
 def _filled(values: Floats, low: float, high: float, height: int, width: int) -> Integers:
     """Which dots are set, (height, width): the mean of the values that fall into each column, joined to the next one."""
-    import numpy as np
-
     if len(values) >= width:
         starts = np.arange(width) * len(values) // width
         heights = np.add.reduceat(values, starts) / np.diff([*starts, len(values)])

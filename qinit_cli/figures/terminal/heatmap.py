@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from qinit_cli.figures.terminal.sheet import Sheet, label, shade
 
 if TYPE_CHECKING:
@@ -42,7 +44,6 @@ class _Layout(NamedTuple):
 
 def heatmap(values: Floats, rows: MapAxis, columns: MapAxis, sheet: Sheet) -> list[Text]:
     """The map of `values` (R, C), rows downwards, with its axes and scale; NaN is unknown."""
-    import numpy as np
     from rich.text import Text
 
     margin = max(len(rows.at(position)) for position in range(len(rows.values))) + 1
@@ -84,8 +85,6 @@ def _layout(shape: tuple[int, ...], width: int, sheet: Sheet) -> _Layout:
 
 def _block_means(values: Floats, layout: _Layout) -> Floats:
     """Means over blocks of entries, of what is known in each; NaN where nothing is."""
-    import numpy as np
-
     high, wide = (-(-length // block) for length, block in zip(values.shape, layout[:2], strict=True))
     padded = np.full((high * layout.rows, wide * layout.columns), np.nan)
     padded[: values.shape[0], : values.shape[1]] = values
@@ -98,8 +97,6 @@ def _block_means(values: Floats, layout: _Layout) -> Floats:
 
 def _shares(cells: Floats, low: float, high: float, log: bool) -> Floats:
     """Where each value lies on the scale, 0 to 1; NaN is unknown."""
-    import numpy as np
-
     if low == high:
         return np.where(np.isfinite(cells), 1.0, np.nan)
     if log:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.figures.terminal.sheet import Sheet, labels, ticks
 
 if TYPE_CHECKING:
@@ -18,7 +20,6 @@ COLOUR = "rgb(33,145,140)"
 
 def histogram(values: Floats, unit: str, sheet: Sheet) -> list[Text]:
     """A line for each bin of `values` (n,), all finite: where it begins, its bar, how many lie in it."""
-    import numpy as np
     from rich.text import Text
 
     edges = _edges(values)
@@ -39,8 +40,6 @@ def histogram(values: Floats, unit: str, sheet: Sheet) -> list[Text]:
 
 def _edges(values: Floats) -> Floats:
     """Round edges of about as many bins as the square root of the number of values, over all of them."""
-    import numpy as np
-
     low, high = float(values.min()), float(values.max())
     if low == high:
         return np.array([low - 0.5, high + 0.5])
