@@ -191,6 +191,36 @@ def test_what_help_needs_imports_nothing_heavy_when_loaded(module: str) -> None:
     assert not {name for name in _when_loaded(module) if name.partition(".")[0] in HEAVY}
 
 
+def _loaded_for_help() -> set[str]:
+    """What the commands, methods and families load, and what that loads."""
+    packages = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.methods", "qinit_cli.environments")
+    found: set[str] = set()
+    following = {module for module in MODULES if _under(module, packages)}
+    while following:
+        found |= following
+        following = {name for module in following for name in _when_loaded(module) & MODULES.keys()} - found
+    return found
+
+
+def test_numpy_is_imported_late_only_where_help_would_wait_for_it() -> None:
+    late = {
+        module
+        for module in MODULES.keys() - _loaded_for_help()
+        for function in ast.walk(ast.parse(MODULES[module].read_text()))
+        if isinstance(function, ast.FunctionDef) and "numpy" in set(_imported(function, at_run_time=True))
+    }
+    assert not late
+
+
+def test_no_two_classes_share_a_name() -> None:
+    where: dict[str, list[str]] = {}
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                where.setdefault(node.name, []).append(module)
+    assert {name: modules for name, modules in where.items() if len(modules) > 1} == {}
+
+
 def test_every_module_can_be_the_first_one_imported() -> None:
     script = (
         "import importlib, sys\n"

@@ -18,7 +18,7 @@ from qinit_cli.fields import option
 
 
 @dataclass(frozen=True)
-class Listing:
+class ConfigListing:
     """What is listed."""
 
     origin: bool = option(False, "Say where each value comes from.")
@@ -31,13 +31,13 @@ def add_to(app: typer.Typer) -> None:
         app,
         "config",
         config,
-        {"listing": Group(Listing, "Settings"), "tabular": TABULAR, "display": DISPLAY},
+        {"listing": Group(ConfigListing, "Settings"), "tabular": TABULAR, "display": DISPLAY},
         help="Show what QINIT_* variables and qinit.toml files set, and where each value comes from.",
         in_context=True,
     )
 
 
-def config(context: typer.Context, listing: Listing, tabular: Tabular, display: Display) -> None:
+def config(context: typer.Context, listing: ConfigListing, tabular: Tabular, display: Display) -> None:
     """Prints one row per option that is set somewhere."""
     from qinit_cli.commands.tables import TableColumn, print_table
 

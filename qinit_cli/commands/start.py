@@ -22,7 +22,7 @@ FORMATS = (".npz", ".npy", ".csv", ".h5")
 
 
 @dataclass(frozen=True)
-class Into:
+class StartFile:
     """Where the table goes."""
 
     output: str | None = option(
@@ -47,7 +47,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
         start,
         {
             "method": Group(method, "Method"),
-            "into": Group(Into, "File"),
+            "into": Group(StartFile, "File"),
             "reading": READING,
             "display": DISPLAY,
         },
@@ -57,7 +57,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
     )
 
 
-def start(fit: str, method: Method, into: Into, reading: Reading, display: Display) -> None:
+def start(fit: str, method: Method, into: StartFile, reading: Reading, display: Display) -> None:
     """Writes the table and prints the file's path."""
     from qinit_cli.commands import references
     from qinit_cli.output_file import OutputFile

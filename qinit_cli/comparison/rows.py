@@ -17,7 +17,7 @@ from qinit_cli.comparison.distinctions import OF_SOURCES, Words, joined, separat
 from qinit_cli.comparison.estimates import Estimates, estimates
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, Scores, attainable, scores
-from qinit_cli.comparison.source_sets import Entry, Group, grouped, told_of_groups
+from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped, told_of_groups
 from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
@@ -80,7 +80,7 @@ def remark(method: str) -> str:
     return ", ".join(name for name, holds in remarks.items() if holds)
 
 
-def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> GroupComparison:
+def _comparison(group: RunGroup, title: str, baseline: str, metric: Metric) -> GroupComparison:
     from qinit_store.spec import canonical_json
 
     base = _baseline(group, baseline)
@@ -105,7 +105,7 @@ def _comparison(group: Group, title: str, baseline: str, metric: Metric) -> Grou
     )
 
 
-def _titles(groups: Sequence[Group]) -> list[str]:
+def _titles(groups: Sequence[RunGroup]) -> list[str]:
     """The title of each comparison, no two alike: with the targets' digest where no setting differs."""
     titles = [_title(group, words) for group, words in zip(groups, told_of_groups(groups), strict=True)]
     return [
@@ -114,7 +114,7 @@ def _titles(groups: Sequence[Group]) -> list[str]:
     ]
 
 
-def _title(group: Group, words: Words) -> str:
+def _title(group: RunGroup, words: Words) -> str:
     """The distribution, `words` but for what is told of the targets, and the targets."""
     targets, episodes = group.any_run.steps.shape
     anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
@@ -154,7 +154,7 @@ def _check_baseline(comparisons: list[GroupComparison], baseline: str) -> None:
         raise UsageError(f"--baseline {baseline} is neither a method nor among these runs{hint}")
 
 
-def _intervals(group: Group) -> str:
+def _intervals(group: RunGroup) -> str:
     from qinit_cli.analysis.intervals import FEW_SOURCE_SETS
 
     if group.sets == 1:
@@ -174,7 +174,7 @@ def _intervals(group: Group) -> str:
     return f"95 % bootstrap intervals over {over}{once}, uncorrected{few}"
 
 
-def _baseline(group: Group, baseline: str) -> Entry | None:
+def _baseline(group: RunGroup, baseline: str) -> Entry | None:
     """What the others are set against; None where there is none, NotAllowed where several could be meant."""
     meant = [
         entry
@@ -188,7 +188,7 @@ def _baseline(group: Group, baseline: str) -> Entry | None:
     return meant[0] if meant else None
 
 
-def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Scores], group: Group) -> Row:
+def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Scores], group: RunGroup) -> Row:
     paired = [base.beside(run) for run in entry.runs] if base is not None else []
     others = [other for other in paired if other is not None]
     whole = bool(others) and len(others) == len(entry.runs)

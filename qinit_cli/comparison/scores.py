@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from qinit_cli.comparison.runs import ComparedRun
-from qinit_cli.comparison.source_sets import Group
+from qinit_cli.comparison.source_sets import RunGroup
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
@@ -74,7 +74,7 @@ def curve(run: ComparedRun, metric: Metric) -> Floats:
             return returns.restricted_steps(run.steps, run.horizon)
 
 
-def attainable(group: Group) -> Callable[[ComparedRun], Floats] | None:
+def attainable(group: RunGroup) -> Callable[[ComparedRun], Floats] | None:
     """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
     The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the

@@ -68,7 +68,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Group:
+class RunGroup:
     """Runs that may be compared with each other."""
 
     sets: int  # source sets
@@ -81,7 +81,7 @@ class Group:
         return self.entries[0].runs[0]
 
 
-def grouped(runs: Sequence[ComparedRun]) -> list[Group]:
+def grouped(runs: Sequence[ComparedRun]) -> list[RunGroup]:
     """The groups, in order of appearance; a run that is named twice counts once.
 
     NotAllowed where runs of the same targets have other exact values of them: those were not the same targets.
@@ -92,7 +92,7 @@ def grouped(runs: Sequence[ComparedRun]) -> list[Group]:
     return _labelled([group for same in _by(once, _distribution) for group in _groups(same)])
 
 
-def told_of_groups(groups: Sequence[Group]) -> list[Words]:
+def told_of_groups(groups: Sequence[RunGroup]) -> list[Words]:
     """The settings that distinguish each group from the others, but for those in which methods of one group differ."""
     varying = _varying(groups)
     shared = [
@@ -107,7 +107,7 @@ def told_of_groups(groups: Sequence[Group]) -> list[Words]:
     return told_apart(shared)
 
 
-def _varying(groups: Sequence[Group]) -> set[str]:
+def _varying(groups: Sequence[RunGroup]) -> set[str]:
     """The settings in which methods of one group differ."""
     return {
         key
@@ -121,7 +121,7 @@ def _of_group(key: str, varying: set[str]) -> bool:
     return key not in varying and not key.startswith((OF_METHOD, OF_RECORD))
 
 
-def _labelled(groups: list[Group]) -> list[Group]:
+def _labelled(groups: list[RunGroup]) -> list[RunGroup]:
     """The groups, their methods with the settings that tell them apart, copies with what they keep or the end of their name."""
     varying = _varying(groups)
     apart = iter(told_apart([entry.settings for group in groups for entry in group.entries]))
@@ -167,13 +167,13 @@ def _where_equal(labels: Sequence[str], ends: Sequence[str]) -> list[str]:
     return [label + end if count[label] > 1 else label for label, end in zip(labels, ends, strict=True)]
 
 
-def _groups(runs: list[ComparedRun]) -> list[Group]:
+def _groups(runs: list[ComparedRun]) -> list[RunGroup]:
     by_targets = _by(runs, lambda run: run.target_digest)
     if len(by_targets) == 1:
-        return [Group(_sets(runs), True, _entries(runs))]
+        return [RunGroup(_sets(runs), True, _entries(runs))]
     if all(_sets(met) == 1 for met in by_targets) and _sets(runs) == len(by_targets):
-        return [Group(len(by_targets), False, _entries(runs))]
-    return [Group(_sets(met), True, _entries(met)) for met in by_targets]
+        return [RunGroup(len(by_targets), False, _entries(runs))]
+    return [RunGroup(_sets(met), True, _entries(met)) for met in by_targets]
 
 
 def _entries(runs: list[ComparedRun]) -> tuple[Entry, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
 from qinit_cli.comparison.runs import ComparedRun
-from qinit_cli.comparison.source_sets import Entry, Group, grouped
+from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FittedTables
@@ -211,7 +211,7 @@ def _scores(runs: Sequence[ComparedRun], averages: Mapping[str, Floats]) -> dict
     return found
 
 
-def _of_group(group: Group, averages: Mapping[str, Floats]) -> Iterator[tuple[Setting, Arms]]:
+def _of_group(group: RunGroup, averages: Mapping[str, Floats]) -> Iterator[tuple[Setting, Arms]]:
     """One for each way in which sources were drawn, learned and fitted; methods that read none join them all."""
     from qinit_cli.claims.scores import Arms
     from qinit_store.spec import canonical_json

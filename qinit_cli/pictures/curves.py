@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.comparison.scores import Metric
-    from qinit_cli.comparison.source_sets import Entry, Group
+    from qinit_cli.comparison.source_sets import Entry, RunGroup
     from qinit_cli.figures.curves import Curve, Panel
     from qinit_cli.figures.drawn import Drawn
 
@@ -93,20 +93,20 @@ def _alt(panels: Sequence[Panel], label: str) -> str:
     return f"Learning curves, {label}, first to last point of each method. {listed(parts)}."
 
 
-def _band_words(group: Group) -> str:
+def _band_words(group: RunGroup) -> str:
     targets = len(group.any_run.steps)
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
     return f"95 %, {sets}{targets} {noun(targets, 'target')}{'' if group.shared else ' of each'}"
 
 
-def _met_the_first(group: Group, of: Group) -> bool:
+def _met_the_first(group: RunGroup, of: RunGroup) -> bool:
     """Whether the group's targets are the first of those of another."""
     few, many = group.any_run, of.any_run
     count = len(few.steps)
     return count < len(many.steps) and many.first(count).target_digest == few.target_digest
 
 
-def _lines(whole: Group, groups: Sequence[Group], metric: Metric, smooth: int) -> list[Curve]:
+def _lines(whole: RunGroup, groups: Sequence[RunGroup], metric: Metric, smooth: int) -> list[Curve]:
     """The group's curves, and those of groups that met the first of its targets."""
     lines = [_curve(entry, whole, metric, smooth) for entry in whole.entries]
     for group in groups:
@@ -117,7 +117,7 @@ def _lines(whole: Group, groups: Sequence[Group], metric: Metric, smooth: int) -
     return ordered(lines)
 
 
-def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: str = "") -> Curve:
+def _curve(entry: Entry, group: RunGroup, metric: Metric, smooth: int, addition: str = "") -> Curve:
     from qinit_cli.analysis import returns
     from qinit_cli.comparison.scores import curve
     from qinit_cli.figures.curves import Curve
@@ -129,7 +129,7 @@ def _curve(entry: Entry, group: Group, metric: Metric, smooth: int, addition: st
     return Curve(label, shown + 1, _band(values, group), entry.method, entry.plus)
 
 
-def _band(values: Floats, group: Group) -> Interval:
+def _band(values: Floats, group: RunGroup) -> Interval:
     """The mean of values (R, T, P) over source sets and targets at each point, resampled as `qinit compare` does."""
     from qinit_cli.analysis.intervals import Resampling
     from qinit_cli.seeding import Stream, generator

@@ -10,10 +10,10 @@ from qinit_cli.environments import label_of
 from qinit_cli.pictures.names import distinct, shortened
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.source_sets import Group
+    from qinit_cli.comparison.source_sets import RunGroup
 
 
-def group_names(groups: Sequence[Group]) -> list[str]:
+def group_names(groups: Sequence[RunGroup]) -> list[str]:
     """The distribution of each, above the settings that distinguish it from the others."""
     from qinit_cli.comparison.source_sets import told_of_groups
 
@@ -24,7 +24,7 @@ def group_names(groups: Sequence[Group]) -> list[str]:
     return distinct(names, [f"targets {run.target_digest[:8]}" for run in runs])
 
 
-def families(groups: Sequence[Group]) -> str:
+def families(groups: Sequence[RunGroup]) -> str:
     """The distribution where there is one, else the families."""
     specs = [group.any_run.spec for group in groups]
     labels = dict.fromkeys(label_of(spec) for spec in specs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from qinit_cli.report.content import Block, Cell, Column, Folded, Table
+from qinit_cli.report.content import Block, Cell, Folded, PageColumn, Table
 from qinit_cli.report.numbers import chance, interval, number
 
 Compared = dict[str, Any]  # the JSON object
@@ -119,7 +119,7 @@ def _measures(rows: Sequence[Row]) -> list[str]:
 def _table(
     caption: str, rows: Sequence[Row], keys: Sequence[str], baseline: str, notes: Sequence[str]
 ) -> Table:
-    columns = [Column("method"), *(Column(_heading(key, baseline), numeric=True) for key in keys)]
+    columns = [PageColumn("method"), *(PageColumn(_heading(key, baseline), numeric=True) for key in keys)]
     return Table(
         caption, columns, [[_method(row), *(_cell(row, key) for key in keys)] for row in rows], notes
     )

@@ -40,7 +40,7 @@ class Pairs:
 
 
 @dataclass(frozen=True)
-class Column:
+class PageColumn:
     """A column of a table; numbers stand at its right edge."""
 
     title: str
@@ -63,7 +63,7 @@ class Table:
 
     kind: ClassVar[str] = "table"
     caption: str
-    columns: Sequence[Column]
+    columns: Sequence[PageColumn]
     rows: Sequence[Sequence[Cell]]
     notes: Sequence[str] = ()
 

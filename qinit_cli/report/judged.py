@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from qinit_cli.report.content import Block, Cell, Column, Folded, Judgement, Points, Table
+from qinit_cli.report.content import Block, Cell, Folded, Judgement, PageColumn, Points, Table
 from qinit_cli.report.numbers import NOTHING, interval, number
 from qinit_store.wording import counted
 
@@ -61,10 +61,10 @@ def _judgement(one: Verdict) -> Judgement:
 
 def _details(one: Verdict) -> Table:
     columns = [
-        Column("setting"),
-        Column("value", numeric=True),
-        Column("source sets", numeric=True),
-        Column("there the claim"),
+        PageColumn("setting"),
+        PageColumn("value", numeric=True),
+        PageColumn("source sets", numeric=True),
+        PageColumn("there the claim"),
     ]
     rows = [
         [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from qinit_cli.report.content import Block, Cell, Column, Folded, Pairs, Table, Text
+from qinit_cli.report.content import Block, Cell, Folded, PageColumn, Pairs, Table, Text
 from qinit_store.wording import counted
 
 Described = dict[str, Any]  # kind, name, spec_sha256, content_sha256, provenance, inputs
@@ -40,7 +40,12 @@ def _versions(artefacts: Sequence[Described]) -> list[tuple[str, str]]:
 
 
 def _hashes(artefacts: Sequence[Described]) -> Table:
-    columns = [Column("artefact"), Column("kind"), Column("content SHA-256", code=True), Column("made of")]
+    columns = [
+        PageColumn("artefact"),
+        PageColumn("kind"),
+        PageColumn("content SHA-256", code=True),
+        PageColumn("made of"),
+    ]
     rows = [
         [
             Cell(artefact["name"]),
@@ -59,7 +64,7 @@ def _hashes(artefacts: Sequence[Described]) -> Table:
 
 
 def _commands(artefacts: Sequence[Described]) -> Table:
-    columns = [Column("artefact"), Column("made (UTC)"), Column("command", code=True)]
+    columns = [PageColumn("artefact"), PageColumn("made (UTC)"), PageColumn("command", code=True)]
     rows = [
         [
             Cell(artefact["name"]),

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from qinit_cli.report.content import Block, Cell, Column, Pairs, Subheading, Table
+from qinit_cli.report.content import Block, Cell, PageColumn, Pairs, Subheading, Table
 from qinit_cli.report.numbers import setting
 
 Spec = dict[str, Any]
@@ -75,7 +75,7 @@ def _told(part: str, settings: list[Settings]) -> Iterator[Block]:
         return
     if shared:
         yield Pairs(shared)
-    columns = [*(Column(name) for name in others), *([Column("seed")] if seeds else [])]
+    columns = [*(PageColumn(name) for name in others), *([PageColumn("seed")] if seeds else [])]
     body = [
         [*(Cell(value) for value in values), *([Cell(_ranges(own))] if seeds else [])]
         for values, own in rows.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from qinit_cli.report.content import Block, Cell, Column, Points, Subheading, Table
+from qinit_cli.report.content import Block, Cell, PageColumn, Points, Subheading, Table
 from qinit_cli.report.numbers import interval, number
 
 Tuned = Mapping[
@@ -25,10 +25,10 @@ def blocks(tuned: Sequence[Tuned]) -> Iterator[Block]:
 
 def _table(one: Tuned) -> Table:
     columns = [
-        *(Column(name, numeric=True) for name in one["parameters"].values()),
-        Column("return", numeric=True),
-        Column("minus default", numeric=True),
-        Column(""),
+        *(PageColumn(name, numeric=True) for name in one["parameters"].values()),
+        PageColumn("return", numeric=True),
+        PageColumn("minus default", numeric=True),
+        PageColumn(""),
     ]
     rows = [
         [

@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 
 from qinit_cli.report.content import (
     Cell,
-    Column,
     Figure,
     Folded,
     Judgement,
     Page,
+    PageColumn,
     Pairs,
     Points,
     Section,
@@ -30,7 +30,7 @@ VOID = {"meta", "link", "img", "br", "hr", "input"}
 
 def whole(words: str) -> Page:
     """A page with every kind of block, all of it these words."""
-    columns = [Column(words), Column(words, numeric=True), Column(words, code=True)]
+    columns = [PageColumn(words), PageColumn(words, numeric=True), PageColumn(words, code=True)]
     table = Table(words, columns, [[Cell(words), Cell(words, words), Cell(words, "", "good")]], [words])
     blocks = [
         Text(words),

@@ -16,7 +16,7 @@ USUAL = Usual("normality", "text", "the distribution, and what is tested")
 
 
 @dataclass(frozen=True)
-class Maps:
+class MapOptions:
     """What the maps show."""
 
     of: Literal["values", "lengths"] = option("values", "The test of ln Q, or that of the path lengths.")
@@ -34,14 +34,14 @@ def add_to(plots: typer.Typer) -> None:
         plots,
         "normality",
         normality,
-        {"picture": USUAL.group, "maps": Group(Maps, "Maps"), "reading": READING, "display": DISPLAY},
+        {"picture": USUAL.group, "maps": Group(MapOptions, "Maps"), "reading": READING, "display": DISPLAY},
         imports=IMPORTS,
         references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
         help="Maps of a fit's test of normality over the states: its statistic (W) and its raw p.",
     )
 
 
-def normality(fit: str, picture: Picture, maps: Maps, reading: Reading, display: Display) -> None:
+def normality(fit: str, picture: Picture, maps: MapOptions, reading: Reading, display: Display) -> None:
     """Draws the picture and prints its path."""
     from qinit_cli.commands import references
     from qinit_cli.pictures import normality as pictures

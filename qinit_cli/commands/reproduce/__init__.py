@@ -46,7 +46,7 @@ class Reproducing:
 
 
 @dataclass(frozen=True)
-class Into:
+class ReproducedInto:
     """Where pictures and artefacts go, and what is told."""
 
     output: str | None = option(
@@ -75,7 +75,7 @@ class Threads:
 
 GROUPS = {
     "asked": Group(Reproducing, "Size"),
-    "into": Group(Into, "Files"),
+    "into": Group(ReproducedInto, "Files"),
     "machine": Group(Threads, "Machine"),
     "display": DISPLAY,
 }
@@ -87,7 +87,9 @@ def add_to(targets: typer.Typer) -> None:
         add_command(targets, name, partial(reproduce, name), GROUPS, help=SHOWS[name])
 
 
-def reproduce(target: str, asked: Reproducing, into: Into, machine: Threads, display: Display) -> None:
+def reproduce(
+    target: str, asked: Reproducing, into: ReproducedInto, machine: Threads, display: Display
+) -> None:
     """Makes what is missing, draws it, and prints the folder."""
     from qinit_cli.commands.option_groups import Output
     from qinit_cli.commands.reproduce.reproduction import Reproduction

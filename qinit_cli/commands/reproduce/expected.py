@@ -30,42 +30,42 @@ SOURCE_BYTES, LIBRARY_BYTES, START_BYTES, EPISODE_BYTES = 15.5, 14.0, 7.0, 2.3
 
 
 @dataclass(frozen=True)
-class Expected:
+class Cost:
     """What something takes."""
 
     steps: float = 0.0
     seconds: float = 0.0  # on the clock
     bytes: float = 0.0
 
-    def __add__(self, other: Expected) -> Expected:
-        return Expected(self.steps + other.steps, self.seconds + other.seconds, self.bytes + other.bytes)
+    def __add__(self, other: Cost) -> Cost:
+        return Cost(self.steps + other.steps, self.seconds + other.seconds, self.bytes + other.bytes)
 
 
-def expected(missing: Iterable[Artefact], jobs: int) -> dict[Artefact, Expected]:
+def expected(missing: Iterable[Artefact], jobs: int) -> dict[Artefact, Cost]:
     """What each of the missing artefacts would take with so many jobs."""
     return {artefact: _expected(artefact, jobs) for artefact in missing}
 
 
-def _expected(artefact: Artefact, jobs: int) -> Expected:
+def _expected(artefact: Artefact, jobs: int) -> Cost:
     match artefact:
         case PlannedSources(family):
             steps = _source_steps(artefact)
             seconds = steps / _speed(type(family)) / jobs + SOURCES_OVERHEAD
-            return Expected(steps, seconds, SOURCE_BYTES * _entries(family) * artefact.tasks)
+            return Cost(steps, seconds, SOURCE_BYTES * _entries(family) * artefact.tasks)
         case PlannedFit(sources):
             library = min(artefact.options.library, sources.tasks) + 12  # and twelve tables of moments
-            return Expected(0.0, FIT_SECONDS, LIBRARY_BYTES * _entries(sources.family) * library)
+            return Cost(0.0, FIT_SECONDS, LIBRARY_BYTES * _entries(sources.family) * library)
         case PlannedRun():
             return _run(artefact, jobs)
 
 
-def _run(run: PlannedRun, jobs: int) -> Expected:
+def _run(run: PlannedRun, jobs: int) -> Cost:
     family, method = run.family, run.method
     steps = method.expected_steps(family.name) * run.tasks * run.episodes
     speed = _speed(type(family)) * method.speed
     starts = run.tasks if method.privileged else 1
     size = START_BYTES * _entries(family) * starts + EPISODE_BYTES * run.tasks * run.episodes
-    whole = Expected(steps, steps / speed / jobs + RUN_OVERHEAD, size)
+    whole = Cost(steps, steps / speed / jobs + RUN_OVERHEAD, size)
     if not method.needs_tables or family.tabular:
         return whole
     own = replace(run.fit.sources, tasks=run.tasks)  # the targets' tables are learned as sources are

@@ -15,7 +15,7 @@ from qinit_cli.commands.messages import note, print_path
 from qinit_cli.commands.option_groups import Display, Output
 from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
 from qinit_cli.commands.reproduce.drawing import Drawing, file_of, made_of
-from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected, expected
+from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Cost, expected
 from qinit_cli.commands.reproduce.folder import Folder, opened
 from qinit_cli.commands.reproduce.manifest import MANIFEST, STAGES, Spent, manifest
 from qinit_cli.commands.reproduce.progress import Whole
@@ -136,7 +136,7 @@ class Reproduction:
         self,
         folder: Folder,
         maker: Maker,
-        takes: Mapping[Artefact, Expected],
+        takes: Mapping[Artefact, Cost],
         undrawn: Sequence[str],
         entries: Entries,
     ) -> None:
@@ -174,7 +174,7 @@ class Reproduction:
         write(complete=True)
         say_spent(self.target, self.spent, time.monotonic() - began, self.display)
 
-    def _make(self, maker: Maker, takes: Mapping[Artefact, Expected], whole: Whole) -> None:
+    def _make(self, maker: Maker, takes: Mapping[Artefact, Cost], whole: Whole) -> None:
         for artefact, each in takes.items():
             whole.begin(_named(artefact), each.seconds)
             with self._counted(KINDS[type(artefact)]) as spent:

@@ -10,7 +10,7 @@ from typing import Any
 
 from qinit_cli.commands.messages import note
 from qinit_cli.commands.option_groups import Display
-from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Expected
+from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Cost
 from qinit_cli.commands.reproduce.manifest import Spent
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
 from qinit_store.wording import counted, magnitude
@@ -25,16 +25,16 @@ class Ahead:
     target: str
     scale: str
     artefacts: tuple[Artefact, ...]
-    takes: Mapping[Artefact, Expected]  # of those that are missing
+    takes: Mapping[Artefact, Cost]  # of those that are missing
     files: tuple[str, ...]  # pictures and tables
     undrawn: int  # of these
     store: Path
     jobs: int
 
     @property
-    def total(self) -> Expected:
+    def total(self) -> Cost:
         """All that is missing, and the drawing."""
-        return sum(self.takes.values(), Expected(seconds=self.undrawn * PICTURE_SECONDS))
+        return sum(self.takes.values(), Cost(seconds=self.undrawn * PICTURE_SECONDS))
 
     @property
     def free(self) -> int:
@@ -88,7 +88,7 @@ class Ahead:
 
     def _stage(self, kind: str) -> dict[str, Any]:
         missing = [each for artefact, each in self.takes.items() if KINDS[type(artefact)] == kind]
-        total = sum(missing, Expected())
+        total = sum(missing, Cost())
         return {
             "artefacts": sum(KINDS[type(artefact)] == kind for artefact in self.artefacts),
             "missing": len(missing),
