@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.methods.targets import Targets
@@ -110,16 +112,12 @@ class TargetTasks:
     @property
     def moments(self) -> Integers:
         """Episodes after which the weights of hypotheses are kept, (R,): none, each of the first few, ever fewer, all."""
-        import numpy as np
-
         episodes = self.learning.episodes
         spread = np.geomspace(1, episodes, MOMENTS).round().astype(np.int64)
         return np.unique(np.concatenate([[0], spread]))
 
     def targets(self, count: int, tables: Floats) -> Targets:
         """The first `count` tasks as a privileged method sees them, with Q* of each, (T, S, A), where it needs them."""
-        import numpy as np
-
         return Targets(self.family, self.learning, self.draw(np.arange(count)), tables)
 
     def draw(self, indices: Integers) -> Tasks:

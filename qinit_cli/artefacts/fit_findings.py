@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from qinit_cli.analysis.permutation import LEVEL
 from qinit_cli.fitted import EOPL_TESTS, TESTS
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-
-LEVEL = 0.05  # of all tests
 
 Arrays = Mapping[str, Any]
 Findings = dict[str, Any]  # plain values, None where there is no number

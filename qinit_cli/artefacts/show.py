@@ -130,8 +130,6 @@ def _fit(artefact: Artefact) -> Shown:
 
 
 def _tuning(artefact: Artefact) -> Shown:
-    import numpy as np
-
     from qinit_cli.artefacts.choice import Choice
 
     choice = Choice.of(artefact)
