@@ -169,7 +169,7 @@ def test_what_a_table_says_of_itself_is_not_written_over_a_file_of_ones_own(
 
 
 def test_a_planted_link_in_a_reproduction_is_not_followed(tmp_path: Path) -> None:
-    from qinit_cli.commands.reproduce.folder import Folder
+    from qinit_cli.paper.folder import Folder
 
     (tmp_path / "out").mkdir()
     (tmp_path / "victim").write_text("mine")

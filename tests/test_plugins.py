@@ -16,9 +16,9 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.commands.reproduce.expected import expected
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.methods import METHODS
+from qinit_cli.paper.expected import expected
 from qinit_cli.paper.experiments import PlannedFit, PlannedRun, PlannedSources
 
 ROOT = Path(__file__).parents[1]

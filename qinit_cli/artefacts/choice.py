@@ -13,11 +13,14 @@ import numpy as np
 
 from qinit_cli.analysis.intervals import Estimate, over_targets
 from qinit_cli.environments import label_of
-from qinit_cli.fields import options
+from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS
 from qinit_cli.seeding import Stream, generator
+from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.arrays import Flags, Floats, Integers
     from qinit_store.reading import Artefact
 
@@ -145,3 +148,43 @@ def _options(method: str) -> tuple[Field[Any], ...]:
     """The options of a method, () where it is a plug-in's that is not installed any more."""
     kind = METHODS.get(method)
     return options(kind) if kind else ()
+
+
+def row(one: Candidate) -> dict[str, Any]:
+    """A candidate's parameters, average and difference with their bounds, and whether it is the default or chosen."""
+    return {
+        **one.parameters,
+        "average": one.average.value,
+        "average_low": one.average.low,
+        "average_high": one.average.high,
+        "difference": one.difference.value,
+        "difference_low": one.difference.low,
+        "difference_high": one.difference.high,
+        "default": one.default,
+        "chosen": one.chosen,
+    }
+
+
+def sentences(choice: Choice, path: Path) -> list[str]:
+    """What was chosen, what choosing is worth, and where values beyond those tried may be better."""
+    best, worth = choice.chosen, choice.worth
+    told = " ".join(f"{flag(name)} {value:g}" for name, value in best.parameters.items())
+    if best.default:
+        found = f"the default, {told}, is the best of {len(choice.candidates)}"
+    else:
+        unsure = "" if best.difference.low > 0 else ", from which it cannot be told"
+        found = (
+            f"{told} is chosen, {best.difference.value:+.4f} [{best.difference.low:.4f}, {best.difference.high:.4f}] "
+            f"to the default{unsure}"
+        )
+    edges = [
+        f"{flag(name)} {best.parameters[name]:g} is the {end} value tried; try {further} ones"
+        for name, end in choice.edges.items()
+        for further in ["smaller" if end == "smallest" else "larger"]
+    ]
+    return [
+        f"{choice.method}: {found}; {shell_line('qinit', 'transfer', choice.method, 'FIT', '--tuned', path)} takes it",
+        f"chosen by four folds and judged by the fifth, a choice is worth {worth.value:+.4f} "
+        f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
+        *edges,
+    ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -15,12 +14,7 @@ from qinit_cli.fields import check, option
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from qinit_cli.comparison.rows import GroupComparison
-    from qinit_cli.comparison.runs import ComparedRun
-
-SCHEMA = "qinit.compare/1"
 
 
 @dataclass(frozen=True)
@@ -70,14 +64,16 @@ def compare(
     """Prints one table per set of shared targets."""
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import comparison_tables as tables
+    from qinit_cli.commands import references
     from qinit_cli.commands.tables import print_table
     from qinit_cli.comparison import rows as stage
-    from qinit_cli.comparison.table import plain_rows
+    from qinit_cli.comparison.runs import read_runs
+    from qinit_cli.comparison.table import SCHEMA, plain_rows, told
 
     metric, baseline = comparing.metric, comparing.baseline
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
     columns = tables.chosen(every, comparing.columns)
-    found = read_runs(runs, reading.store)
+    found = read_runs(references.many(runs, reading.store))
     for warning in dict.fromkeys(warning for run in found for warning in outdated(run.spec)):
         note(display, f"warning: {warning}")
     if comparing.greedy:
@@ -105,25 +101,6 @@ def compare(
     print_table(SCHEMA, columns, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
 
 
-def told(comparisons: list[GroupComparison], metric: str) -> dict[str, Any]:
-    """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
-    from qinit_cli.comparison.table import plain_rows
-
-    return {
-        "schema": SCHEMA,
-        "intervals": [
-            {
-                "targets": one.title,
-                "over": one.intervals,
-                "baseline": one.baseline,
-                "untested": one.untested or None,
-            }
-            for one in comparisons
-        ],
-        "rows": plain_rows(comparisons, metric),
-    }
-
-
 def _say_what_is_missing(comparison: GroupComparison, comparing: Comparing, display: Display) -> None:
     """The commands that make the runs which differences and regret are counted from."""
     baseline = comparing.baseline
@@ -139,23 +116,3 @@ def _say_what_is_missing(comparison: GroupComparison, comparing: Comparing, disp
             display,
             f"{comparison.title}: {needing} a run of optimal; qinit transfer optimal FIT makes one",
         )
-
-
-def read_runs(references: list[str], store: str, *, output: Path | None = None) -> list[ComparedRun]:
-    """The runs that the references name, verified; each once, those of one file name told apart by their folders.
-
-    UsageError where `output`, the file that the command writes, is one of them.
-    """
-    from qinit_cli.artefacts.opening import open_artefact
-    from qinit_cli.commands import references as named
-    from qinit_cli.comparison.runs import ComparedRun
-
-    found: dict[str, tuple[Path, ComparedRun]] = {}
-    for path in named.many(references, store, output=output):
-        with open_artefact(path, "run") as artefact:
-            found.setdefault(artefact.content_sha256, (path, ComparedRun.from_artefact(artefact)))
-    count = Counter(run.name for _, run in found.values())
-    return [
-        run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
-        for path, run in found.values()
-    ]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
@@ -30,7 +29,7 @@ from qinit_cli.fields import flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.pipeline.asked import Rehearsing
 from qinit_cli.pipeline.machine import Machine
-from qinit_store.wording import counted, shell_line
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.choice import Candidate, Choice
@@ -105,7 +104,7 @@ def tune(
     display: Display,
 ) -> None:
     """Tries every combination on the sources, keeps how each fared, and prints it."""
-    from qinit_cli.artefacts.choice import Choice
+    from qinit_cli.artefacts.choice import Choice, sentences
     from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
@@ -242,6 +241,7 @@ def _fixed_options(method: type[Method]) -> type[Any]:
 
 
 def _print(choice: Choice, made: Made, tabular: Tabular, display: Display) -> None:
+    from qinit_cli.artefacts.choice import row
     from qinit_cli.commands.tables import TableColumn, print_table
 
     columns = [
@@ -264,22 +264,9 @@ def _print(choice: Choice, made: Made, tabular: Tabular, display: Display) -> No
     print_table(SCHEMA, columns, rows, tabular, display, caption=CAPTION, extra=extra)
 
 
-def row(one: Candidate) -> dict[str, Any]:
-    """A candidate's parameters, average and difference with their bounds, and whether it is the default or chosen."""
-    return {
-        **one.parameters,
-        "average": one.average.value,
-        "average_low": one.average.low,
-        "average_high": one.average.high,
-        "difference": one.difference.value,
-        "difference_low": one.difference.low,
-        "difference_high": one.difference.high,
-        "default": one.default,
-        "chosen": one.chosen,
-    }
-
-
 def _for_people(one: Candidate) -> dict[str, Any]:
+    from qinit_cli.artefacts.choice import row
+
     whole = row(one)
     told = {
         name: int(value) if value.is_integer() else float(f"{value:.6g}")
@@ -288,28 +275,3 @@ def _for_people(one: Candidate) -> dict[str, Any]:
     nothing = {name: None for name in whole if name.startswith("difference") and one.default}
     marks = {name: "yes" if whole[name] else "" for name in ("default", "chosen")}
     return whole | told | nothing | marks
-
-
-def sentences(choice: Choice, path: Path) -> list[str]:
-    """What was chosen, what choosing is worth, and where values beyond those tried may be better."""
-    best, worth = choice.chosen, choice.worth
-    told = " ".join(f"{flag(name)} {value:g}" for name, value in best.parameters.items())
-    if best.default:
-        found = f"the default, {told}, is the best of {len(choice.candidates)}"
-    else:
-        unsure = "" if best.difference.low > 0 else ", from which it cannot be told"
-        found = (
-            f"{told} is chosen, {best.difference.value:+.4f} [{best.difference.low:.4f}, {best.difference.high:.4f}] "
-            f"to the default{unsure}"
-        )
-    edges = [
-        f"{flag(name)} {best.parameters[name]:g} is the {end} value tried; try {further} ones"
-        for name, end in choice.edges.items()
-        for further in ["smaller" if end == "smallest" else "larger"]
-    ]
-    return [
-        f"{choice.method}: {found}; {shell_line('qinit', 'transfer', choice.method, 'FIT', '--tuned', path)} takes it",
-        f"chosen by four folds and judged by the fifth, a choice is worth {worth.value:+.4f} "
-        f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
-        *edges,
-    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +15,8 @@ from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, option
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from qinit_cli.claims.verdict import Verdict
     from qinit_cli.commands.tables import TableColumn
-    from qinit_store.reading import Artefact
 
 DIGITS = 4
 PEOPLE = ("table", "markdown")  # forms that are read, not parsed
@@ -71,7 +68,7 @@ def verdicts(
     from qinit_cli.commands.tables import print_table
     from qinit_cli.paper import verdicts as stage
 
-    evidence = stage.evidence(opened(references.many(artefacts, reading.store)))
+    evidence = stage.evidence(stage.opened(references.many(artefacts, reading.store)))
     if evidence.passed_over:
         note(display, f"no claim is about {', '.join(dict.fromkeys(evidence.passed_over))}: passed over")
     found = _chosen(stage.verdicts(evidence), judging.claim)
@@ -83,22 +80,6 @@ def verdicts(
     if tabular.chosen in PEOPLE:
         rows = [_spoken(row) for row in rows]
     print_table(SCHEMA, _columns(tabular.chosen), rows, tabular, display, title="The paper's claims")
-
-
-def opened(paths: list[Path]) -> Iterator[Artefact]:
-    """The artefacts, one open at a time."""
-    from qinit_cli.artefacts.opening import open_artefact
-
-    for path in paths:
-        with open_artefact(path) as artefact:
-            yield artefact
-
-
-def told(found: Sequence[Verdict]) -> dict[str, Any]:
-    """What --format json prints of these verdicts."""
-    from qinit_cli.claims.verdict import SCHEMA
-
-    return {"schema": SCHEMA, "rows": [verdict.told() for verdict in found]}
 
 
 def _chosen(found: tuple[Verdict, ...], names: list[str] | None) -> list[Verdict]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments import FAMILIES, family_of
@@ -129,6 +131,21 @@ class ComparedRun:
             target_digest=_target_digest(spec, drawn),
             drawn=drawn,
         )
+
+
+def read_runs(paths: Iterable[Path]) -> list[ComparedRun]:
+    """The runs at these paths, verified; each once, those of one file name told apart by their folders."""
+    from qinit_cli.artefacts.opening import open_artefact
+
+    found: dict[str, tuple[Path, ComparedRun]] = {}
+    for path in paths:
+        with open_artefact(path, "run") as artefact:
+            found.setdefault(artefact.content_sha256, (path, ComparedRun.from_artefact(artefact)))
+    count = Counter(run.name for _, run in found.values())
+    return [
+        run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
+        for path, run in found.values()
+    ]
 
 
 def _parameters(spec: dict[str, Any]) -> list[str]:

@@ -3,12 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from qinit_cli.analysis.intervals import Estimate
     from qinit_cli.comparison.rows import GroupComparison, Row
+
+SCHEMA = "qinit.compare/1"
+
+
+def told(comparisons: Sequence[GroupComparison], metric: str) -> dict[str, Any]:
+    """All of it as plain values, as --format json prints it: rows, and what the intervals of each set of targets are over."""
+    return {
+        "schema": SCHEMA,
+        "intervals": [
+            {
+                "targets": one.title,
+                "over": one.intervals,
+                "baseline": one.baseline,
+                "untested": one.untested or None,
+            }
+            for one in comparisons
+        ],
+        "rows": plain_rows(comparisons, metric),
+    }
 
 
 def plain_rows(comparisons: Iterable[GroupComparison], metric: str) -> list[dict[str, Any]]:

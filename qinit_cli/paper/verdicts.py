@@ -17,6 +17,8 @@ from qinit_cli.fitted import FittedTables
 from qinit_cli.paper import settings as paper_settings
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.arrays import Floats
     from qinit_cli.claims.evidence import Evidence, Lengths, LengthTests, Maps, Values
     from qinit_cli.claims.scores import Arm, Arms
@@ -249,3 +251,19 @@ def _arms(entries: Iterable[Entry], averages: Mapping[str, Floats]) -> dict[str,
         )
         arms.setdefault(entry.runs[0].label, arm)
     return arms
+
+
+def opened(paths: list[Path]) -> Iterator[Artefact]:
+    """The artefacts, one open at a time."""
+    from qinit_cli.artefacts.opening import open_artefact
+
+    for path in paths:
+        with open_artefact(path) as artefact:
+            yield artefact
+
+
+def told(found: Sequence[Verdict]) -> dict[str, Any]:
+    """What --format json prints of these verdicts."""
+    from qinit_cli.claims.verdict import SCHEMA
+
+    return {"schema": SCHEMA, "rows": [verdict.told() for verdict in found]}

@@ -27,6 +27,23 @@ class Reporter:
         """The progress of `total` tasks, `done` of them before; `watch` counts steps and tasks at work."""
         return Progress()
 
+    def whole(self, count: int, expected: float) -> Whole:
+        """The progress over `count` things to make, expected to take so many seconds together."""
+        return Whole()
+
+
+class Whole(Reporter):
+    """Progress over several things to make, as a context; it hears of the tasks of each. Silent."""
+
+    def __enter__(self) -> Whole:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Ends what is shown."""
+
+    def begin(self, what: str, expected: float) -> None:
+        """The next of the things to make, expected to take so many seconds."""
+
 
 class Progress:
     """Progress of tasks, as a context; silent."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from qinit_cli.commands.reproduce.artefacts import ordered
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.paper.experiments import (
@@ -18,6 +17,7 @@ from qinit_cli.paper.experiments import (
     experiment,
     judgement,
 )
+from qinit_cli.paper.making import ordered
 
 CONTRACT = ("fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "figA1", "figA2", "figA3")
 PAPER = Study(SCALES["paper"])

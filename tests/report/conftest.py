@@ -148,10 +148,11 @@ def _picture() -> str:
 
 
 def _compared(runs: list[Path]) -> dict[str, Any]:
-    from qinit_cli.commands.compare import read_runs, told
     from qinit_cli.comparison.rows import compare
+    from qinit_cli.comparison.runs import read_runs
+    from qinit_cli.comparison.table import told
 
-    return told(compare(read_runs([str(path) for path in runs], ""), "zero", "return"), "return")
+    return told(compare(read_runs(runs), "zero", "return"), "return")
 
 
 def _verdicts() -> list[dict[str, Any]]:

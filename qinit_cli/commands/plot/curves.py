@@ -51,11 +51,12 @@ def add_to(plots: typer.Typer) -> None:
 
 def curves(runs: list[str], picture: Picture, curving: Curving, reading: Reading, display: Display) -> None:
     """Draws the picture and prints its path; panels stand in the order of the runs."""
-    from qinit_cli.commands.compare import read_runs
+    from qinit_cli.commands import references
+    from qinit_cli.comparison.runs import read_runs
     from qinit_cli.pictures import curves as pictures
 
     file = USUAL.file(picture)
-    found = read_runs(runs, reading.store, output=file.path)
+    found = read_runs(references.many(runs, reading.store, output=file.path))
     drawn = pictures.drawn(
         found,
         curving.metric,

@@ -90,7 +90,7 @@ def report(artefacts: list[str], reporting: Reporting, reading: Reading, display
 def _material(references: list[str], reporting: Reporting, store: str) -> Material:
     """What the references lead to: a reproduction's folder, alone, or artefacts."""
     from qinit_cli.commands import references as named
-    from qinit_cli.commands.report import drawn_here, reproduced
+    from qinit_cli.report import drawn_here, reproduced
 
     given = named.listed(references)
     folders = [Path(one) for one in given if Path(one).is_dir()]

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.commands.reproduce.words import fit_command, run_command, sources_command
 from qinit_cli.errors import TasksFailed
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
+from qinit_cli.paper.words import fit_command, run_command, sources_command
 from qinit_cli.pipeline.keeping import Keeping, target_path
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import Reporter

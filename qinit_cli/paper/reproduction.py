@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,17 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.messages import note, print_path
-from qinit_cli.commands.option_groups import Display, Output
-from qinit_cli.commands.reproduce.artefacts import Maker, inputs, ordered
-from qinit_cli.commands.reproduce.drawing import Drawing, file_of, made_of
-from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Cost, expected
-from qinit_cli.commands.reproduce.folder import Folder, opened
-from qinit_cli.commands.reproduce.manifest import MANIFEST, STAGES, Spent, manifest
-from qinit_cli.commands.reproduce.progress import Whole
-from qinit_cli.commands.reproduce.telling import KINDS, Ahead, say_spent
 from qinit_cli.errors import Interrupted
 from qinit_cli.paper import experiments
+from qinit_cli.paper.drawing import Drawing, file_of, made_of
+from qinit_cli.paper.expected import PICTURE_SECONDS, Cost, expected
 from qinit_cli.paper.experiments import (
     Artefact,
     PlannedFit,
@@ -32,7 +24,13 @@ from qinit_cli.paper.experiments import (
     Shown,
     Study,
 )
+from qinit_cli.paper.folder import Folder, opened
+from qinit_cli.paper.making import Maker, inputs, ordered
+from qinit_cli.paper.manifest import MANIFEST, STAGES, Spent, manifest
+from qinit_cli.paper.telling import KINDS, Ahead, say_spent
+from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.reporter import Reporter, Whole
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
@@ -46,12 +44,14 @@ class Reproduction:
     source_sets: int
     output: str  # the folder
     force: bool
-    stages: Output  # where artefacts go
+    keeping: Keeping  # where artefacts go
     machine: Machine
-    display: Display
     paths: dict[Artefact, Path] = field(default_factory=dict)  # of what stands in the store
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
     spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in STAGES})
+
+    def __post_init__(self) -> None:
+        self._maker = Maker(self.keeping, self.machine)
 
     @cached_property
     def shown(self) -> dict[str, tuple[str, Shown]]:
@@ -81,41 +81,46 @@ class Reproduction:
             "sizes": sizes,
         }
 
-    def run(self) -> None:
-        """Tells the plan, makes what is missing and prints the folder."""
-        folder = opened(Path(self.output), self.asked, force=self.force)
-        maker = Maker(self.stages.keeping, self.machine)
-        self._find(maker)
-        entries = {file: entry for file in self.shown if (entry := self._standing(folder, file))}
+    def plan(self) -> Ahead:
+        """What there is, and what is still to be done; refuses a folder that holds something else."""
+        self._folder = opened(Path(self.output), self.asked, force=self.force)
+        self._find()
+        self._entries = {file: entry for file in self.shown if (entry := self._standing(self._folder, file))}
         takes = expected((one for one in self.artefacts if one not in self.paths), self.machine.threads)
-        undrawn = [file for file in self.shown if file not in entries]
-        ahead = Ahead(
+        return Ahead(
             self.target,
             self.scale,
             self.artefacts,
             takes,
             tuple(self.shown),
-            len(undrawn),
-            Path(self.stages.store),
+            len([file for file in self.shown if file not in self._entries]),
+            self.keeping.store or Path(),
             self.machine.threads,
         )
-        if self.stages.dry_run and self.stages.json:
-            print(json.dumps(ahead.told(), allow_nan=False))
-            return
-        ahead.say(self.display)
-        if self.stages.dry_run:
-            return
-        if takes or undrawn or not folder.before.get("complete"):
-            self._complete(folder, maker, takes, undrawn, entries)
-        else:
-            note(self.display, f"{self.target}: already complete")
-        self._print(folder, len(takes), len(undrawn))
 
-    def _find(self, maker: Maker) -> None:
+    def make(self, ahead: Ahead, reporter: Reporter) -> dict[str, Any]:
+        """Makes and draws what `plan` found missing; what was done, as plain values."""
+        folder, undrawn = self._folder, [file for file in self.shown if file not in self._entries]
+        if ahead.takes or undrawn or not folder.before.get("complete"):
+            self._complete(folder, ahead.takes, undrawn, self._entries, reporter)
+        else:
+            reporter.note(f"{self.target}: already complete")
+        return {
+            "schema": "qinit.reproduce/1",
+            "path": str(folder.path),
+            "manifest": str(folder.path / MANIFEST),
+            "artefacts": len(self.artefacts),
+            "made": len(ahead.takes),
+            "drawn": len(undrawn),
+            "steps": sum(spent.steps for spent in self.spent.values()),
+            "seconds": {stage: round(spent.seconds, 3) for stage, spent in self.spent.items()},
+        }
+
+    def _find(self) -> None:
         """Looks for every artefact whose inputs stand in the store."""
         for artefact in self.artefacts:
             if all(given in self.paths for given in inputs(artefact)):
-                place = maker.place(artefact, self.paths)
+                place = self._maker.place(artefact, self.paths)
                 if place.complete:
                     self._keep(artefact, place.path)
 
@@ -135,10 +140,10 @@ class Reproduction:
     def _complete(
         self,
         folder: Folder,
-        maker: Maker,
         takes: Mapping[Artefact, Cost],
         undrawn: Sequence[str],
         entries: Entries,
+        reporter: Reporter,
     ) -> None:
         folder.begin()
         started, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
@@ -158,8 +163,8 @@ class Reproduction:
         write(complete=False)  # from now on the folder is known as ours
         seconds = sum(each.seconds for each in takes.values()) + len(undrawn) * PICTURE_SECONDS
         try:
-            with Whole(self.display, len(takes) + len(undrawn), seconds) as whole:
-                self._make(maker, takes, whole)
+            with reporter.whole(len(takes) + len(undrawn), seconds) as whole:
+                self._make(takes, whole)
                 self._draw(folder, undrawn, entries, whole)
         except Exception:
             write(complete=False)
@@ -172,13 +177,13 @@ class Reproduction:
                 interrupted.exit_code,
             ) from None
         write(complete=True)
-        say_spent(self.target, self.spent, time.monotonic() - began, self.display)
+        say_spent(self.target, self.spent, time.monotonic() - began, reporter)
 
-    def _make(self, maker: Maker, takes: Mapping[Artefact, Cost], whole: Whole) -> None:
+    def _make(self, takes: Mapping[Artefact, Cost], whole: Whole) -> None:
         for artefact, each in takes.items():
             whole.begin(_named(artefact), each.seconds)
             with self._counted(KINDS[type(artefact)]) as spent:
-                made = maker.make(artefact, self.paths, whole)
+                made = self._maker.make(artefact, self.paths, whole)
                 spent.steps += made.tally.steps
             self._keep(artefact, made.path)
 
@@ -191,7 +196,7 @@ class Reproduction:
             match shown:
                 case PlannedPicture():
                     with self._counted("pictures"):
-                        entry |= self._picture(folder, shown, drawing)
+                        entry |= self._picture(folder, shown, drawing, whole)
                 case PlannedTable():
                     with self._counted("tables"):
                         folder.write_json(file, drawing.table(shown))
@@ -200,11 +205,13 @@ class Reproduction:
                         folder.write_json(file, drawing.verdicts(shown))
             entries[file] = entry | {"made_of": made_of(shown, self.digests)}
 
-    def _picture(self, folder: Folder, shown: PlannedPicture, drawing: Drawing) -> dict[str, str]:
+    def _picture(
+        self, folder: Folder, shown: PlannedPicture, drawing: Drawing, reporter: Reporter
+    ) -> dict[str, str]:
         """Draws and saves it in both formats; its part of the manifest's entry."""
         drawn = drawing.picture(shown)
         for said in drawn.notes:
-            note(self.display, f"{shown.name}: {said}")
+            reporter.note(f"{shown.name}: {said}")
         png = f"{shown.name}.png"
         for file in (file_of(shown), png):
             drawn.save(folder.picture(file))
@@ -219,23 +226,6 @@ class Reproduction:
             spent.made += 1
         finally:
             spent.seconds += time.monotonic() - began
-
-    def _print(self, folder: Folder, made: int, drawn: int) -> None:
-        """The folder, or one JSON object."""
-        if not self.stages.json:
-            print_path(folder.path)
-            return
-        told = {
-            "schema": "qinit.reproduce/1",
-            "path": str(folder.path),
-            "manifest": str(folder.path / MANIFEST),
-            "artefacts": len(self.artefacts),
-            "made": made,
-            "drawn": drawn,
-            "steps": sum(spent.steps for spent in self.spent.values()),
-            "seconds": {stage: round(spent.seconds, 3) for stage, spent in self.spent.items()},
-        }
-        print(json.dumps(told, allow_nan=False), flush=True)
 
 
 def _named(artefact: Artefact) -> str:

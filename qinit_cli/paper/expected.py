@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from qinit_cli.commands.reproduce.artefacts import sources_plan
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
+from qinit_cli.paper.making import sources_plan
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family

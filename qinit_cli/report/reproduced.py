@@ -38,8 +38,8 @@ def material(folder: Path, store: str, title: str | None, question: str | None) 
 def _material(
     folder: Path, store: Path, manifest: dict[str, Any], title: str | None, question: str | None
 ) -> Material:
-    from qinit_cli.commands.report.verdicts import judged
     from qinit_cli.report.document import Material
+    from qinit_cli.report.verdicts import judged
 
     paths, artefacts, absent = _artefacts(folder, store, manifest["artefacts"])
     target, scale = manifest["target"], manifest["scale"]
@@ -80,7 +80,7 @@ def _artefacts(
     folder: Path, store: Path, made: list[dict[str, Any]]
 ) -> tuple[list[Path], list[dict[str, Any]], list[str]]:
     """The artefacts that are still there, by path and described, and a sentence on those that are not."""
-    from qinit_cli.commands.report.described import described
+    from qinit_cli.report.described import described
 
     paths, found, lacking = [], [], []
     for one in made:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.messages import Lines, Printed, TaskBar, clock, console
 from qinit_cli.commands.option_groups import Display
+from qinit_cli.pipeline.reporter import Whole
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by
 WINDOW = 20  # ... of so many things: the first ones wait for the compiler
 
 
-class Whole(Printed):
+class WholeBar(Printed, Whole):
     """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact."""
 
     def __init__(self, display: Display, count: int, expected: float) -> None:
@@ -41,9 +41,7 @@ class Whole(Printed):
             self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
@@ -85,7 +83,7 @@ class Whole(Printed):
 class _Part(TaskBar):
     """Tasks of one artefact, shown on the bar of the whole."""
 
-    def __init__(self, whole: Whole, what: str, done: int, total: int, watch: Watch) -> None:
+    def __init__(self, whole: WholeBar, what: str, done: int, total: int, watch: Watch) -> None:
         super().__init__(Display(quiet=True), what, done, total, watch)
         self._whole = whole
 

@@ -70,24 +70,21 @@ class Drawing:
 
     def table(self, table: PlannedTable) -> dict[str, Any]:
         """What `qinit compare --format json` prints of these runs."""
-        from qinit_cli.commands.compare import Comparing, told
         from qinit_cli.comparison import rows as stage
-
-        comparing = Comparing()
+        from qinit_cli.comparison.table import told
 
         runs = self.runs(table.runs)
         if table.first is not None:
             runs = [run.first(table.first) for run in runs]
-        return told(stage.compare(runs, comparing.baseline, comparing.metric), comparing.metric)
+        return told(stage.compare(runs, "zero", "return"), "return")
 
     def verdicts(self, judgement: PlannedJudgement) -> dict[str, Any]:
         """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
-        from qinit_cli.commands.verdicts import opened, told
         from qinit_cli.paper import verdicts as stage
 
         paths = [self.paths[artefact] for artefact in judgement.artefacts]
-        found = stage.verdicts(stage.evidence(opened(paths)))
-        return told([one for one in found if judgement.whole or one.verdict != NOT_JUDGED])
+        found = stage.verdicts(stage.evidence(stage.opened(paths)))
+        return stage.told([one for one in found if judgement.whole or one.verdict != NOT_JUDGED])
 
     def runs(self, artefacts: Sequence[Artefact]) -> list[ComparedRun]:
         """The runs, verified; pictures of the same are drawn one after the other, so what was read is kept for a while."""

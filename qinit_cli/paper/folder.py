@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.commands.reproduce.manifest import MANIFEST, SCHEMA, entries_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.output_file import OutputFile
+from qinit_cli.paper.manifest import MANIFEST, SCHEMA, entries_of
 
 if TYPE_CHECKING:
     from qinit_cli.figures.drawn import PictureFile

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.messages import note
-from qinit_cli.commands.option_groups import Display
-from qinit_cli.commands.reproduce.expected import PICTURE_SECONDS, Cost
-from qinit_cli.commands.reproduce.manifest import Spent
+from qinit_cli.paper.expected import PICTURE_SECONDS, Cost
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
+from qinit_cli.paper.manifest import Spent
+from qinit_cli.pipeline.reporter import Reporter
 from qinit_store.wording import counted, magnitude
 
 KINDS: dict[type[Artefact], str] = {PlannedSources: "sources", PlannedFit: "fits", PlannedRun: "runs"}
@@ -64,24 +63,21 @@ class Ahead:
             "bytes_free": self.free,
         }
 
-    def say(self, display: Display) -> None:
-        """The same in a few lines on stderr."""
-        note(
-            display,
+    def report(self, reporter: Reporter) -> None:
+        """The same in a few lines."""
+        reporter.note(
             f"{self.target} at {self.scale} scale: {counted(len(self.artefacts), 'artefact')}, "
             f"{len(self.takes)} still to be made; {len(self.files)} pictures and tables, {self.undrawn} still to be drawn",
         )
         for kind, stage in self.stages().items():
             if stage["missing"]:
                 steps = f"{magnitude(stage['steps'])} steps, " if stage["steps"] else ""
-                note(
-                    display,
+                reporter.note(
                     f"  {kind}: {stage['missing']} of {stage['artefacts']}, {steps}about {duration(stage['seconds'])}",
                 )
         if self.takes or self.undrawn:
             total = self.total
-            note(
-                display,
+            reporter.note(
                 f"  in all about {duration(total.seconds)} with {counted(self.jobs, 'job')}, and {total.bytes / 1e6:.3g} MB in "
                 f"{self.store}, where {self.free / 1e9:.3g} GB are free",
             )
@@ -97,14 +93,14 @@ class Ahead:
         }
 
 
-def say_spent(target: str, spent: Mapping[str, Spent], seconds: float, display: Display) -> None:
+def say_spent(target: str, spent: Mapping[str, Spent], seconds: float, reporter: Reporter) -> None:
     """Where the time went, a line a stage."""
     width = max(len(stage) for stage in spent)
-    note(display, f"{'':{width}}  {'made':>5}  {'seconds':>8}  {'steps':>8}")
+    reporter.note(f"{'':{width}}  {'made':>5}  {'seconds':>8}  {'steps':>8}")
     for stage, own in spent.items():
         steps = magnitude(own.steps) if own.steps else ""
-        note(display, f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
-    note(display, f"{target}: complete, {duration(seconds)}")
+        reporter.note(f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
+    reporter.note(f"{target}: complete, {duration(seconds)}")
 
 
 def duration(seconds: float) -> str:

@@ -20,19 +20,19 @@ NAMED = 4  # distributions and methods that a sentence names; more are counted
 
 def material(paths: Sequence[Path], title: str | None, question: str | None, baseline: str) -> Material:
     """What the page is made of, in the order sources, fits, runs, tunings; NotAllowed for a kind that no page shows."""
-    from qinit_cli.commands.compare import read_runs
-    from qinit_cli.commands.report.described import described
-    from qinit_cli.commands.report.pictures import figures
-    from qinit_cli.commands.report.verdicts import judged
+    from qinit_cli.comparison.runs import read_runs
+    from qinit_cli.report.described import described
     from qinit_cli.report.document import NAMES, Material
     from qinit_cli.report.judged import UNJUDGED
+    from qinit_cli.report.pictures import figures
+    from qinit_cli.report.verdicts import judged
 
     artefacts = described(paths)
     for path, told in artefacts.items():
         if told["kind"] not in NAMES:
             raise NotAllowed(f"{path} is a {told['kind']}, which no page shows; it shows {', '.join(NAMES)}")
     kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in NAMES}
-    runs = read_runs([str(path) for path in kinds["run"]], "") if kinds["run"] else []
+    runs = read_runs(kinds["run"])
     drawn, undrawn = figures(kinds, runs)
     return Material(
         title=title or _title(artefacts),
@@ -51,9 +51,8 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
 
 def _tuned(path: Path) -> dict[str, Any]:
     """What choosing parameters found."""
-    from qinit_cli.artefacts.choice import Choice
+    from qinit_cli.artefacts.choice import Choice, row, sentences
     from qinit_cli.artefacts.opening import open_artefact
-    from qinit_cli.commands.tune import row, sentences
     from qinit_cli.fields import flag
 
     with open_artefact(path, "tuning") as artefact:
@@ -67,8 +66,8 @@ def _tuned(path: Path) -> dict[str, Any]:
 
 
 def _compared(runs: list[ComparedRun], baseline: str) -> dict[str, Any]:
-    from qinit_cli.commands.compare import told
     from qinit_cli.comparison.rows import compare
+    from qinit_cli.comparison.table import told
 
     return told(compare(runs, baseline, "return"), "return")
 

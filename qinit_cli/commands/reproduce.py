@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import typer
 
 from qinit_cli.commands.build import add_command
+from qinit_cli.commands.messages import Printed, print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
 from qinit_cli.fields import check, option
 from qinit_cli.paper.experiments import TARGETS
@@ -92,18 +95,28 @@ def reproduce(
 ) -> None:
     """Makes what is missing, draws it, and prints the folder."""
     from qinit_cli.commands.option_groups import Output
-    from qinit_cli.commands.reproduce.reproduction import Reproduction
+    from qinit_cli.paper.reproduction import Reproduction
     from qinit_cli.pipeline.machine import Machine
 
-    output = Output(store=into.store, wait=into.wait, dry_run=into.dry_run, json=into.json)
     reproduction = Reproduction(
         target,
         asked.scale,
         asked.source_sets,
         into.output or f"reproduction-{target}-{asked.scale}",
         into.force,
-        output,
+        Output(store=into.store, wait=into.wait).keeping,
         Machine(jobs=machine.jobs),
-        display,
     )
-    reproduction.run()
+    ahead = reproduction.plan()
+    if into.dry_run and into.json:
+        print(json.dumps(ahead.told(), allow_nan=False))
+        return
+    reporter = Printed(display)
+    ahead.report(reporter)
+    if into.dry_run:
+        return
+    done = reproduction.make(ahead, reporter)
+    if into.json:
+        print(json.dumps(done, allow_nan=False), flush=True)
+    else:
+        print_path(Path(done["path"]))
