@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
 from qinit_cli.paper.making import sources_plan
 
@@ -73,8 +75,6 @@ def _run(run: PlannedRun, jobs: int) -> Cost:
 
 
 def _source_steps(sources: PlannedSources) -> float:
-    import numpy as np
-
     family = sources.family
     levels, steps = zip(*SOURCE_STEPS[family.name], strict=True)
     an_episode = float(np.interp(getattr(family, "noise", 0.0), levels, steps))
@@ -90,8 +90,6 @@ def _entries(family: Family) -> int:
 @cache
 def _speed(kind: type[Family]) -> float:
     """Steps a second of one core, from a short trial of the family's own sources; one for all its distributions."""
-    import numpy as np
-
     from qinit_cli.watch import Watch
 
     trial = sources_plan(PlannedSources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
