@@ -13,6 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, with_values
@@ -20,7 +21,6 @@ from qinit_cli.environments.gym_making import Settings, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import with_module
-from qinit_cli.environments.neutral import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option

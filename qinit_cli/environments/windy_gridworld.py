@@ -10,7 +10,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from qinit_cli.environments.neutral import TableFamily
+from qinit_cli.environments.bases import TableFamily
 from qinit_cli.fields import check, option
 from qinit_cli.learning import Learning
 

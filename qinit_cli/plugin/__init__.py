@@ -4,8 +4,8 @@ These names stay. Here are those that cost nothing to import: a plug-in's module
 `qinit_cli.plugin.kernels` are imported inside its functions.
 """
 
+from qinit_cli.environments.bases import NeutralFamily, TableFamily
 from qinit_cli.environments.family import Family
-from qinit_cli.environments.neutral import NeutralFamily, TableFamily
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fields import check, option
 from qinit_cli.fitted import FittedTables as Fit
