@@ -11,6 +11,8 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.artefacts import kinds as kinds  # the store learns of ours
+
 if TYPE_CHECKING:
     from qinit_cli.library import (
         compare,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.run import run_schema
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.errors import NotAllowed
@@ -25,7 +26,7 @@ from qinit_cli.seeding import Stream
 from qinit_cli.tasks import SourceTasks, TargetTasks
 from qinit_cli.watch import Watch
 from qinit_store.reading import open_artefact
-from qinit_store.schema import Axis, run_schema
+from qinit_store.schema import Axis
 from qinit_store.work import open_work
 
 LAKE = {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]}

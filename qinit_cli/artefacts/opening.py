@@ -14,25 +14,22 @@ from typing import Any
 import numpy as np
 
 from qinit_cli.artefacts import settings
+from qinit_cli.artefacts.columns import ROUNDING
+from qinit_cli.artefacts.fit import fit_schema
+from qinit_cli.artefacts.fit_columns import FitStatistics, fit_statistics
+from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.artefacts.run import run_schema
+from qinit_cli.artefacts.sources import sources_schema
+from qinit_cli.artefacts.tuning import tuning_schema
 from qinit_cli.elementary import exp, ln
 from qinit_cli.environments import FAMILIES, Family, family_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import curve_bins
 from qinit_cli.methods import METHODS
 from qinit_store import reading
-from qinit_store.fit_statistics import FitStatistics, fit_statistics
 from qinit_store.held import Held
 from qinit_store.reading import Artefact, Description
-from qinit_store.schema import (
-    NO_MOMENTS,
-    ROUNDING,
-    Axis,
-    Column,
-    fit_schema,
-    run_schema,
-    sources_schema,
-    tuning_schema,
-)
+from qinit_store.schema import Axis, Column
 
 TABLE = {"sources": "q", "fit": "mu", "run": "start"}  # a table over states and actions that each kind has
 INDICES = ("bin", "library", "episode", "evaluation", "hypothesis", "candidate", "held_out", "byte")
@@ -86,7 +83,7 @@ def described(entry: Description) -> Description:
     if not entry.spec:
         return entry
     try:
-        settings.check(entry.kind, entry.spec)
+        KINDS[entry.kind].check(entry.spec)
     except ValueError as fault:
         unknown = replace(entry, spec={})
         if entry.state == "done" and _ours(entry.spec):
@@ -130,7 +127,7 @@ def _ours(spec: dict[str, Any]) -> bool:
 
 def _expect(artefact: Artefact) -> None:
     try:
-        settings.check(artefact.kind, artefact.spec)
+        KINDS[artefact.kind].check(artefact.spec)
         family = settings.family(_drawn(artefact)["family"])
         axes, columns = _layout(artefact, family)
         artefact.expect(axes, columns)
@@ -255,7 +252,7 @@ def _columns(artefact: Artefact) -> tuple[Column, ...]:
         keep_q="q" in there,
         updating="visits" in there,
         hypotheses=sizes.get("hypothesis", 0),
-        moments=axes["moment"].values if "moment" in axes else NO_MOMENTS,
+        moments=axes["moment"].values if "moment" in axes else None,
     ).columns
 
 

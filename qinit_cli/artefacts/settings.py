@@ -1,7 +1,7 @@
-"""The settings in an artefact, checked by the dataclasses that make them.
+"""What the settings of several kinds have in common, checked by the dataclasses that make them.
 
-`specs` writes them. A setting that an earlier version did not have may be missing if its option has a default; an unknown one
-is refused.
+`specs` writes them, and each kind checks its own. A setting that an earlier version did not have may be missing if its option has
+a default; an unknown one is refused.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import QinitError
 from qinit_cli.fields import is_of
-from qinit_cli.fitted import FitOptions
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
 
@@ -29,14 +28,6 @@ EXACT = {
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
-def check(kind: str, spec: Settings) -> None:
-    """ValueError, in one clause, for the first setting of an artefact of this kind that cannot be."""
-    said = spec.get("kind")
-    if said != kind:
-        raise ValueError(f"its settings are of {said!r}, the artefact is of {kind}")
-    CHECKS[kind]({name: value for name, value in spec.items() if name != "kind"})
-
-
 def family(told: Any) -> Family | None:
     """The family with these settings, None where it is a plug-in's that is not installed; ValueError where it cannot be."""
     name, settings = _named(told, "the family")
@@ -47,7 +38,7 @@ def learning(told: Any, learner: str = "q-learning") -> Learning:
     """How tasks were learned; for the exact learner with stand-ins for the settings that it does not have."""
     settings = _object(told, "learning")
     if learner == "exact":
-        settings = EXACT | _of(settings, "learning", {"alpha": float, "gamma": float, "horizon": int})
+        settings = EXACT | of(settings, "learning", {"alpha": float, "gamma": float, "horizon": int})
     return built(Learning, settings, "learning")
 
 
@@ -64,119 +55,22 @@ def built(kind: Callable[..., Made], settings: Settings, what: str) -> Made:
         raise ValueError(f"{what} cannot be so: {error}") from error
 
 
-def _sources(spec: Settings) -> None:
-    told = _of(
-        spec,
-        "the settings",
-        {
-            "algorithm_version": int,
-            "family": dict,
-            "learner": str,
-            "learning": dict,
-            "seed": int,
-            "tasks": int,
-        },
-        {"role": str},
-    )
-    _among("role", told.get("role", "source"), ROLES)
-    _drawn(told)
-
-
-def _drawn(told: Settings) -> None:
+def drawn(told: Settings) -> None:
     """How sources were drawn and learned: part of every artefact that is made from them."""
-    _among("learner", told["learner"], LEARNERS)
+    among("learner", told["learner"], LEARNERS)
     family(told["family"])
     learning(told["learning"], told["learner"])
-    _at_least(told, tasks=1, seed=0)
+    at_least(told, tasks=1, seed=0)
 
 
-def _fit(spec: Settings) -> None:
-    options = {field.name: object for field in dataclasses.fields(FitOptions)}
-    told = _of(
-        spec,
-        "the settings",
-        {"algorithm_version": int, "inputs": list, "sources": dict, "estimator": str},
-        {**options, "initialisations": list},
-    )
-    _texts(told, "inputs", count=1)
-    _texts(told, "initialisations")
-    built(FitOptions, {name: told[name] for name in options if name in told}, "the fit")
-    _sources(told["sources"])
-
-
-def _run(spec: Settings) -> None:
-    told = _of(
-        spec,
-        "the settings",
-        {
-            "algorithm_version": int,
-            "method": dict,
-            "family": dict,
-            "learning": dict,
-            "seed": int,
-            "tasks": int,
-            "inputs": list,
-            "source_set": dict,
-        },
-        {"keep_q": bool, "evaluate_every": int},
-    )
-    family(told["family"])
-    learning(told["learning"])
-    _texts(told, "inputs", count=1)
-    _at_least(told, tasks=1, seed=0, evaluate_every=0)
-    _method(told["method"])
-    fitted = {"estimator": object, "library": object, "holdout": object, "exclude_unlearned": object}
-    drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
-    source_set = _of(told["source_set"], "the source set", drawn, fitted)
-    built(
-        FitOptions, {name: source_set[name] for name in fitted if name in source_set}, "the source set's fit"
-    )
-    _drawn(source_set)
-
-
-def _tuning(spec: Settings) -> None:
-    told = _of(
-        spec,
-        "the settings",
-        {
-            "algorithm_version": int,
-            "method": dict,
-            "grid": dict,
-            "family": dict,
-            "learning": dict,
-            "seed": int,
-            "tasks": int,
-            "inputs": list,
-            "sources": dict,
-        },
-    )
-    for name, values in told["grid"].items():
-        if not (isinstance(values, list) and values and all(is_of(value, float) for value in values)):
-            raise ValueError(f"the values tried of {name} are no list of numbers")
-    family(told["family"])
-    learning(told["learning"])
-    _texts(told, "inputs", count=1)
-    _at_least(told, tasks=1, seed=0)
-    _method(told["method"], tuned=told["grid"])
-    _sources(told["sources"])
-
-
-CHECKS: dict[str, Callable[[Settings], None]] = {
-    "sources": _sources,
-    "fit": _fit,
-    "run": _run,
-    "tuning": _tuning,
-}
-
-
-def _method(told: Any, tuned: Iterable[str] = ()) -> None:
+def method(told: Any, tuned: Iterable[str] = ()) -> None:
     """A method, what it starts from, and what a lifetime adds; one that is not installed may have any options."""
     name, settings = _named(told, "the method")
     if not isinstance(settings.pop("label", None), str):
         raise ValueError("the method lacks its label")
     if "update" in settings:
-        update = _of(settings.pop("update"), "the update", {"min_visits": int})
-        _at_least(update, min_visits=1)
+        update = of(settings.pop("update"), "the update", {"min_visits": int})
+        at_least(update, min_visits=1)
     if isinstance(start := settings.pop("init", None), dict):
         first, own = _named(start, "what the method starts from")
         if first in METHODS:  # else a plug-in's that is not installed: the rest is checked without it
@@ -186,8 +80,8 @@ def _method(told: Any, tuned: Iterable[str] = ()) -> None:
         settings["init"] = start
     if name not in METHODS:
         return
-    method = built(METHODS[name], settings, f"the method {name}")
-    if unknown := set(tuned) - {field.name for field in dataclasses.fields(method)}:  # type: ignore[arg-type]  # a dataclass
+    made = built(METHODS[name], settings, f"the method {name}")
+    if unknown := set(tuned) - {field.name for field in dataclasses.fields(made)}:  # type: ignore[arg-type]  # a dataclass
         raise ValueError(f"the method {name} has no {min(unknown)} to choose")
 
 
@@ -205,7 +99,7 @@ def _object(told: Any, what: str) -> Settings:
     return told
 
 
-def _of(
+def of(
     told: Any, what: str, needed: Mapping[str, Any], more: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """The settings, each of the type it must have; those in `more` may be missing."""
@@ -232,18 +126,21 @@ def _refuse_unknown(settings: Settings, known: Iterable[str], what: str) -> None
         raise ValueError(f"{unknown[0]!r} in {what} is no setting of this version")
 
 
-def _among(name: str, value: Any, choices: Iterable[str]) -> None:
+def among(name: str, value: Any, choices: Iterable[str]) -> None:
+    """ValueError where a setting is none of the choices."""
     if value not in choices:
         raise ValueError(f"the {name} is {value!r}; it is one of {', '.join(choices)}")
 
 
-def _at_least(settings: Settings, **least: int) -> None:
+def at_least(settings: Settings, **least: int) -> None:
+    """ValueError where a setting is below its least value; one that is absent is none."""
     for name, low in least.items():
         if settings.get(name, low) < low:
             raise ValueError(f"{name} is {settings[name]}; it must be at least {low}")
 
 
-def _texts(settings: Settings, name: str, count: int | None = None) -> None:
+def texts(settings: Settings, name: str, count: int | None = None) -> None:
+    """ValueError where a setting is no list of texts, or not of so many."""
     texts = settings.get(name, [])
     if not all(isinstance(one, str) for one in texts) or (count is not None and len(texts) != count):
         raise ValueError(

@@ -161,9 +161,9 @@ def _say_expected(
     """What it would take, by a few sources under a few of the candidates, all their episodes."""
     import numpy as np
 
+    from qinit_cli.artefacts.tuning import tuning_schema
     from qinit_cli.commands.results import say_expected
     from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee
-    from qinit_store.schema import tuning_schema
 
     count = len(rehearsal.candidates)
     some = np.unique(np.linspace(0, count - 1, TRIAL_CANDIDATES).astype(int))

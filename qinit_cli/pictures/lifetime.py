@@ -66,12 +66,12 @@ def _lived(path: Path, words: str, store: Store, notes: list[str]) -> Lived:
 
 def _as_fitted(run: Artefact, store: Store, notes: list[str]) -> float:
     """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
+    from qinit_cli.artefacts.kinds import KINDS
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.lifelong import Known, log_std
-    from qinit_store.catalog import FOLDERS
 
     [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]
-    for path in (store.root / FOLDERS["fit"] / name, run.path.with_name(name)):
+    for path in (store.root / KINDS["fit"].folder / name, run.path.with_name(name)):
         if path.exists() and (known := Knowledge.read(path)).content_sha256 == run.spec["inputs"][0]:
             return log_std(Known.of(known.fit).log_q)
     notes.append(

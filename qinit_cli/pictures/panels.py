@@ -177,13 +177,14 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
 
 def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str]) -> Integers:
     """How many sources know each entry of the fit that a run started from, (S, A); 1 of each, and a note, where there is none."""
+    from qinit_cli.artefacts.kinds import KINDS
     from qinit_cli.artefacts.opening import open_artefact
-    from qinit_store.catalog import FOLDERS, NAME
+    from qinit_store.catalog import NAME
     from qinit_store.reading import describe
 
     [content] = run.spec["inputs"]
     name = next((str(one["name"]) for one in run.inputs if one.get("role") == "fit"), "")
-    beside = [run.path.with_name(f"{name}.h5"), run.path.parent.parent / FOLDERS["fit"] / f"{name}.h5"]
+    beside = [run.path.with_name(f"{name}.h5"), run.path.parent.parent / KINDS["fit"].folder / f"{name}.h5"]
     for path in (*fits, *(beside if NAME.fullmatch(name) else ())):
         if path.is_file() and describe(path).content_sha256 == content:
             with open_artefact(path, "fit") as fit:

@@ -23,7 +23,7 @@ from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
-    from qinit_store.fit_statistics import FitStatistics
+    from qinit_cli.artefacts.fit_columns import FitStatistics
 
     Parts = Callable[..., dict[str, Any]]
 
@@ -57,7 +57,7 @@ def columns(options: FitOptions, family: Family) -> tuple[str, ...]:
 def contents(options: FitOptions) -> FitStatistics:
     """What the fit will hold of them."""
     from qinit_cli.analysis.alternatives import DENSITIES
-    from qinit_store.fit_statistics import FitStatistics
+    from qinit_cli.artefacts.fit_columns import FitStatistics
 
     return FitStatistics(
         normality=TESTS[options.normality],

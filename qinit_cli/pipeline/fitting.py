@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.fit import fit_schema
+from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed
@@ -24,8 +26,7 @@ from qinit_cli.pipeline.keeping import Keeping, target_path, working
 from qinit_cli.pipeline.origin import provenance
 from qinit_cli.pipeline.reporter import SILENT, Progress, Reporter
 from qinit_cli.watch import Watch
-from qinit_store.fit_statistics import fit_statistics
-from qinit_store.schema import Axis, Schema, fit_schema
+from qinit_store.schema import Axis, Schema
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:

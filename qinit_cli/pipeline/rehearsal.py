@@ -13,6 +13,7 @@ from qinit_cli.analysis import returns
 from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.choice import FOLDS, folds
 from qinit_cli.artefacts.opening import family_in
+from qinit_cli.artefacts.tuning import tuning_schema
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import Method
@@ -24,7 +25,6 @@ from qinit_cli.pipeline.transfer import learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
 from qinit_cli.tasks import STAND_INS, TargetTasks
 from qinit_store.held import Held
-from qinit_store.schema import tuning_schema
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:

@@ -53,7 +53,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
 
 def _schema(tasks: SourceTasks) -> Any:
     from qinit_cli.artefacts.opening import action_axis
-    from qinit_store.schema import sources_schema
+    from qinit_cli.artefacts.sources import sources_schema
 
     return sources_schema(
         tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins

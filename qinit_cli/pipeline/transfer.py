@@ -105,7 +105,7 @@ def _kernel(targets: TargetTasks, initial: Initial) -> str:
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.artefacts.opening import action_axis
-    from qinit_store.schema import run_schema
+    from qinit_cli.artefacts.run import run_schema
 
     family = targets.family
     return run_schema(

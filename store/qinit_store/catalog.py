@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from qinit_store.errors import Damaged, NotFound, Refused, SystemFailed
 from qinit_store.folder import read_record, tasks_saved
+from qinit_store.kinds import folder_of, folders, kind_in
 from qinit_store.lock import being_held
 from qinit_store.presence import exists, is_folder, names, refusal, status
 from qinit_store.spec import Spec, canonical_json, spec_sha256, without_tasks
@@ -26,7 +27,6 @@ from qinit_store.spec import Spec, canonical_json, spec_sha256, without_tasks
 if TYPE_CHECKING:
     from qinit_store.reading import Description
 
-FOLDERS = {"sources": "sources", "fit": "fits", "run": "runs", "tuning": "tunings"}
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 SUFFIX = ".h5"
 WORK = f"{SUFFIX}.work"
@@ -35,26 +35,26 @@ NOT_ALLOWED = (errno.EACCES, errno.EPERM)
 
 @dataclass(frozen=True)
 class Store:
-    """The artefacts under `root`, in the folders sources, fits, runs and tunings."""
+    """The artefacts under `root`, each in the folder of its kind."""
 
     root: Path
 
     def path_for(self, kind: str, stem: str, spec: Spec) -> Path:
         """Where an artefact with this spec belongs: `<stem>-<first 8 digits of the spec's hash>.h5`."""
         name = f"{stem}-{spec_sha256(spec)[:8]}{SUFFIX}"
-        return self.root / FOLDERS[kind] / _checked(name)
+        return self.root / folder_of(kind) / _checked(name)
 
     def resolve(self, reference: str) -> Path:
         """The path of the artefact `reference`: a path, or a name in the store with or without `.h5`.
 
-        "fits/NAME" tells apart a name that stands in two folders. NotFound, with the nearest name; Refused
+        "FOLDER/NAME" tells apart a name that stands in two folders. NotFound, with the nearest name; Refused
         where the name is ambiguous or no name.
         """
         is_path = "/" in reference or reference.endswith(SUFFIX)
         if is_path and exists(Path(reference)):
             return Path(reference)
         folder, _, name = reference.rpartition("/")
-        if folder and folder not in FOLDERS.values():
+        if folder and folder not in folders(self.root):
             raise NotFound(f"there is no {reference}{_meant(reference, _beside(reference))}")
         found = [path for path in self._named(_checked(name)) if folder in ("", path.parent.name)]
         if len(found) > 1:
@@ -75,7 +75,7 @@ class Store:
         for path in self._paths():
             with suppress(NotFound):  # gone since its folder was listed
                 yield _row(path, partial(_description, path))
-        for folder in FOLDERS.values():
+        for folder in folders(self.root):
             for name in names(self.root / folder):
                 work = self.root / folder / name
                 if name.startswith(".") and name.endswith(WORK) and is_folder(work):
@@ -90,7 +90,7 @@ class Store:
         wanted = canonical_json(without_tasks(spec))
         found = [
             entry
-            for entry in map(_known_description, self._finished(FOLDERS[kind]))
+            for entry in map(_known_description, self._finished(folder_of(kind)))
             if entry.state == "done"
             and entry.kind == kind
             and canonical_json(without_tasks(entry.spec)) == wanted
@@ -98,7 +98,7 @@ class Store:
         return sorted(found, key=lambda entry: -entry.tasks)
 
     def _paths(self) -> Iterator[Path]:
-        for folder in FOLDERS.values():
+        for folder in folders(self.root):
             yield from self._finished(folder)
 
     def _finished(self, folder: str) -> list[Path]:
@@ -109,7 +109,7 @@ class Store:
 
     def _named(self, name: str) -> list[Path]:
         full = name if name.endswith(SUFFIX) else name + SUFFIX
-        paths = [self.root / folder / full for folder in FOLDERS.values()]
+        paths = [self.root / folder / full for folder in folders(self.root)]
         return [path for path in paths if exists(path)]
 
 
@@ -209,10 +209,9 @@ def _size(path: Path) -> int:
 def _nothing_known(path: Path) -> Description:
     from qinit_store.reading import Description
 
-    kinds = {folder: kind for kind, folder in FOLDERS.items()}
     return Description(
         path=path,
-        kind=kinds.get(path.parent.name, ""),
+        kind=kind_in(path.parent.name),
         spec={},
         spec_sha256="",
         content_sha256="",

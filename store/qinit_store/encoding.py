@@ -30,7 +30,7 @@ LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES;
 class Header:
     """What the root attributes say, but for the content hash."""
 
-    format: str  # "qinit/sources", or "qinit/part/sources" for a part file
+    format: str  # "qinit/KIND", or "qinit/part/KIND" for a part file
     spec: Spec
     provenance: Mapping[str, Any]
     inputs: tuple[Mapping[str, str], ...]  # role, name, content_sha256 of each

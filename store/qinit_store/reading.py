@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
-from qinit_store import guard
+from qinit_store import guard, kinds
 from qinit_store.digest import content_sha256, task_digests
 from qinit_store.encoding import MIN_READER, SCHEMA_VERSION
 from qinit_store.errors import Damaged, NotOurs, Refused, StoreError, TooNew
@@ -26,21 +25,13 @@ from qinit_store.schema import (
     Axis,
     Column,
     Schema,
-    missing,
     serves,
 )
 from qinit_store.source import Source
 from qinit_store.spec import canonical_json, read_json, settings, spec_sha256, texts
 from qinit_store.wording import first_few, shell_line
 
-KINDS = ("sources", "fit", "run", "tuning")
-MAKERS = {
-    "sources": "train-sources",
-    "fit": "fit",
-    "run": "transfer",
-    "tuning": "tune",
-}  # the command of each
-
+FORMAT, PART = "qinit/", "part/"  # how the format of an artefact begins, and a part's goes on
 ROOT_ATTRIBUTES = (
     "qinit_format",
     "qinit_schema",
@@ -96,7 +87,7 @@ class Artefact:
         self._digests, self._statics = contents.digests, contents.statics
         self.strange = contents.strange
         part = format.startswith("qinit/part/")
-        lack = source.asked(lambda: missing(self.schema, part=part))
+        lack = source.asked(lambda: kinds.lack(self.schema, part=part))
         if lack:
             raise source.damage("; ".join([f"it lacks {lack}", *self.strange]))
         self.trouble = source.asked(self._content_trouble)
@@ -292,18 +283,17 @@ def open_artefact(path: Path, kind: str | None = None) -> Artefact:
 
     NotFound, Refused where it is of another kind than `kind`, Damaged where it is not as it was written.
     """
-    formats = (f"qinit/{kind}",) if kind else tuple(f"qinit/{one}" for one in KINDS)
-    return _open(path, formats)
+    return _open(path, kind)
 
 
 def open_doubtful(path: Path) -> Artefact:
     """An artefact whose content hash need not hold: `trouble` says what does not. For verify and salvage."""
-    return _open(path, tuple(f"qinit/{one}" for one in KINDS), trust=False)
+    return _open(path, None, trust=False)
 
 
 def open_part(path: Path, kind: str) -> Artefact:
     """A part file of a work folder, verified like an artefact."""
-    return _open(path, (f"qinit/part/{kind}",))
+    return _open(path, f"{PART}{kind}")
 
 
 def describe(path: Path) -> Description:
@@ -315,21 +305,26 @@ def describe(path: Path) -> Description:
         _close(source, file)
 
 
-def _open(path: Path, formats: tuple[str, ...], *, trust: bool = True) -> Artefact:
+def _open(path: Path, wanted: str | None, *, trust: bool = True) -> Artefact:
+    """The artefact, or with "part/KIND" the part; None: an artefact of whatever kind."""
     source, file = _opened(path)
     try:
         description, format = source.asked(lambda: _described(source, file))
-        if format not in formats:
-            kinds = [one.removeprefix("qinit/") for one in formats]
-            makers = " or ".join(f"`qinit {MAKERS[kind]}`" for kind in kinds if kind in MAKERS)
-            raise Refused(
-                f"{path} is of the kind {format.removeprefix('qinit/')}; {' or '.join(kinds)} is needed"
-                + (f", as made by {makers}" if makers else "")
-            )
+        found = format.removeprefix(FORMAT)
+        if found.startswith(PART) if wanted is None else found != wanted:
+            raise Refused(f"{path} is of the kind {found}; {_needed(wanted)}")
         return Artefact(source, file, description, format, trust=trust)
     except BaseException:
         _close(source, file)
         raise
+
+
+def _needed(wanted: str | None) -> str:
+    """Which kinds would do, and the commands that make them."""
+    names = [wanted] if wanted else list(kinds.REGISTERED)
+    makers = [kinds.REGISTERED[name].maker for name in names if name in kinds.REGISTERED]
+    made = f", as made by {' or '.join(f'`qinit {maker}`' for maker in makers)}" if makers else ""
+    return f"{' or '.join(names) or 'a finished artefact'} is needed{made}"
 
 
 def _opened(path: Path) -> tuple[Source, h5py.File]:
@@ -354,8 +349,8 @@ def _described(source: Source, file: h5py.File) -> tuple[Description, str]:
     if "qinit_format" not in said:
         raise NotOurs(f"{path} is an HDF5 file, but no artefact of qinit's: it has no qinit_format")
     format = _text(said, "qinit_format")
-    known = re.fullmatch(r"qinit/(?:part/)?(" + "|".join(KINDS) + ")", format)
-    if known is None:
+    kind = format.removeprefix(FORMAT).removeprefix(PART)
+    if not (format.startswith(FORMAT) and kinds.known(kind)):
         raise NotOurs(f"{path} is no artefact that this qinit knows: its format is {format!r}")
     needed = _count(said, "qinit_min_reader")
     if needed > SCHEMA_VERSION:
@@ -366,7 +361,7 @@ def _described(source: Source, file: h5py.File) -> tuple[Description, str]:
         )
     description = Description(
         path=path,
-        kind=known[1],
+        kind=kind,
         spec=settings(read_json(_text(said, "spec_json"))),
         spec_sha256=_text(said, "spec_sha256"),
         content_sha256=_text(said, "content_sha256"),

@@ -1,4 +1,4 @@
-"""What each kind of artefact holds: axes, columns, their dtypes and dimensions."""
+"""What an artefact holds: axes, columns, their dtypes and dimensions."""
 
 from __future__ import annotations
 
@@ -15,14 +15,10 @@ Array = NDArray[Any]
 
 TASK = "task"
 TASK_DIGEST = "task_digest"
-CANDIDATE = "candidate"
 DIGEST_BYTES = 32
 # of a column that may have any value: an unknown one, or one without bounds
 ANYTHING: Mapping[str, Any] = {"low": -math.inf, "high": math.inf, "nan": True}
 BLOCK_BYTES = 8 * 1024 * 1024
-LONGEST = 1e10  # seconds of a task: three hundred years
-ROUNDING = 1e-6  # by which sums of chances and repeated steps may leave [0, 1]
-NO_MOMENTS: Array = np.empty(0, np.int64)
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
@@ -115,7 +111,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Schema:
-    """The axes, all but `task`, and the columns of one kind of artefact."""
+    """The axes, all but `task`, and the columns of an artefact."""
 
     kind: str
     axes: tuple[Axis, ...]
@@ -179,348 +175,21 @@ class Schema:
         return max(1, BLOCK_BYTES // self.task_bytes)
 
 
-def sources_schema(
-    state_axes: tuple[Axis, ...], action: Axis, parameters: tuple[Column, ...], bins: int
-) -> Schema:
-    """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
-    state_action = (*(axis.name for axis in state_axes), action.name)
-    tables = (
-        Column("q", (TASK, *state_action), "f8", long_name="action values", low=0, high=1 + ROUNDING),
-        Column(
-            "td_var",
-            (TASK, *state_action),
-            "f8",
-            long_name="mean squared TD error of the task's own table",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column(
-            "eopl",
-            (TASK, *state_action),
-            "i4",
-            "step",
-            "expected optimal path length, -1: never arrives",
-            low=-1,
-        ),
-        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
-    )
-    curve = (
-        Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes", low=0),
-        Column(
-            "curve_reached",
-            (TASK, "bin"),
-            "f4",
-            long_name="share of episodes that reach the goal",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-    )
-    totals = (
-        Column(
-            "solved", (TASK,), "u1", long_name="greedy policy reaches the goal from the target start", high=1
-        ),
-        Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
-        *_keeping(),
-    )
-    axes = (*state_axes, action, *([_index("bin", bins)] if bins else []), _digest_axis())
-    return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
-
-
-def fit_schema(
-    state_axes: tuple[Axis, ...],
-    action: Axis,
-    library: int,
-    more_axes: tuple[Axis, ...] = (),
-    more: tuple[Column, ...] = (),
-) -> Schema:
-    """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
-    state = tuple(axis.name for axis in state_axes)
-    state_action = (*state, action.name)
-    moments = (
-        Column("mu", state_action, "f8", long_name="mean of ln Q", nan=True),
-        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q", low=0, nan=True),
-        Column(
-            "lognormal_median",
-            state_action,
-            "f8",
-            long_name="median of the fitted log-normal",
-            low=-math.inf,  # the unbiased estimator may be below 0
-            high=math.inf,
-            nan=True,
-        ),
-        Column(
-            "lognormal_mean",
-            state_action,
-            "f8",
-            long_name="mean of the fitted log-normal",
-            low=-math.inf,
-            high=math.inf,
-            nan=True,
-        ),
-        Column("mean", state_action, "f8", long_name="mean of Q", low=0, high=1 + ROUNDING, nan=True),
-        Column(
-            "std", state_action, "f8", long_name="standard deviation of Q", low=0, high=1 + ROUNDING, nan=True
-        ),
-        Column("min", state_action, "f8", long_name="least Q", low=0, high=1 + ROUNDING, nan=True),
-        Column("max", state_action, "f8", long_name="largest Q", low=0, high=1 + ROUNDING, nan=True),
-        Column(
-            "eopl_mean",
-            state_action,
-            "f8",
-            "step",
-            "mean of the expected optimal path lengths",
-            low=0,
-            nan=True,
-        ),
-        Column("eopl_std", state_action, "f8", "step", "their standard deviation", low=0, nan=True),
-    )
-    counts = (
-        Column("n", state_action, "i4", long_name="sources with Q > 0", low=0),
-        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive", low=0),
-        Column("eopl_n", state_action, "i4", long_name="sources whose path arrives", low=0),
-        Column("flags", state_action, "u1", long_name="how the pair was treated"),
-    )
-    tables = (
-        Column(
-            "value_mean",
-            state,
-            "f8",
-            long_name="mean over sources of the largest action value",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column(
-            "library_q",
-            ("library", *state_action),
-            "f8",
-            long_name="action values of a source",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column(
-            "library_td_var",
-            ("library", *state_action),
-            "f8",
-            long_name="its mean squared TD error",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column("library_task", ("library",), "i8", long_name="task id of the source", low=0),
-    )
-    axes = (*state_axes, action, _index("library", library), *more_axes)
-    return Schema("fit", axes, (*moments, *counts, *tables, *more))
-
-
-def run_schema(
-    state_axes: tuple[Axis, ...],
-    action: Axis,
-    parameters: tuple[Column, ...],
-    episodes: int,
-    *,
-    start_per_task: bool,
-    potential_per_task: bool,
-    exact_values: bool,
-    evaluations: int,
-    keep_q: bool,
-    updating: bool = False,
-    hypotheses: int = 0,
-    moments: Array = NO_MOMENTS,
-) -> Schema:
-    """What target tasks leave behind; start and potential have a task axis where they depend on it.
-
-    `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
-    many episodes as `moments` says stand there too.
-    """
-    state = tuple(axis.name for axis in state_axes)
-    state_action = (*state, action.name)
-    columns = [
-        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode", low=1),
-        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal", high=1),
-        Column(
-            "start",
-            _led(start_per_task, state_action),
-            "f8",
-            long_name="initial action values",
-            low=0,
-            high=1,
-        ),
-        Column("potential", _led(potential_per_task, state), "f8", long_name="shaping potential"),
-        *parameters,
-        *_keeping(),
-    ]
-    if exact_values:
-        columns += [
-            Column("v_star", (TASK,), "f8", long_name="optimal value of the start", low=0, high=1 + ROUNDING),
-            Column(
-                "v_eps",
-                (TASK,),
-                "f8",
-                long_name="value of the start under epsilon-greedy on the optimum",
-                low=0,
-                high=1 + ROUNDING,
-            ),
-        ]
-    if evaluations:
-        columns += [
-            Column(
-                "eval_return",
-                (TASK, "evaluation"),
-                "f8",
-                long_name="discounted return of the greedy policy",
-                low=0,
-                high=1,
-            ),
-            Column(
-                "eval_reached",
-                (TASK, "evaluation"),
-                "f8",
-                long_name="share of evaluations that arrive",
-                low=0,
-                high=1,
-            ),
-            Column("eval_steps", (TASK, "evaluation"), "i4", "step", "steps of the greedy policy", low=1),
-        ]
-    if keep_q:
-        columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))
-    if updating:
-        columns += [
-            Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
-            Column("added", (TASK,), "i8", long_name="pairs whose value was added to what is known", low=0),
-            Column(
-                "log_std",
-                (TASK,),
-                "f8",
-                long_name="median over pairs of the standard deviation of ln Q after the task",
-                low=0,
-                nan=True,
-            ),
-        ]
-    indices = [_index("episode", episodes), *([_index("evaluation", evaluations)] if evaluations else [])]
-    if hypotheses:
-        columns += _weighing()
-        after = Axis("moment", moments, "1", "episodes that had ended")
-        indices += [after, _index("hypothesis", hypotheses)]
-    return Schema("run", (*state_axes, action, *indices, _digest_axis()), tuple(columns))
-
-
-def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
-    """What choosing a method's parameters leaves behind: how each source fared as a target under each candidate."""
-    columns = (
-        Column(
-            "average",
-            (TASK, CANDIDATE),
-            "f8",
-            long_name="mean return over the episodes; NaN where it was not tried",
-            low=0,
-            high=1,
-            nan=True,
-        ),
-        Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
-        *_keeping(),
-        *(Column(name, (CANDIDATE,), "f8", long_name="parameter of the candidate") for name in parameters),
-    )
-    return Schema("tuning", (_index(CANDIDATE, candidates), _digest_axis()), columns)
-
-
-def missing(schema: Schema, *, part: bool) -> str:
-    """The first column its kind must have that `schema` lacks or has otherwise; "" where it has all.
-
-    A `part` file needs only the columns with a task axis. There may be others: parameters, and what later versions
-    add.
-    """
-    there = {column.name: column for column in schema.columns}
-    if schema.kind == "tuning":
-        lacking = [one for one in tuning_schema((), 1).columns if not _held(one, there)]
-        return f"{lacking[0].name} over {', '.join(lacking[0].dims)}" if lacking else ""
-    table = there.get({"sources": "q", "fit": "mu", "run": "start"}[schema.kind])
-    dims = () if table is None else tuple(name for name in table.dims if name != TASK)
-    if part and schema.kind == "run":
-        return "" if {"steps", "reached", TASK_DIGEST} <= there.keys() else "steps, reached or task_digest"
-    if len(dims) < 2:
-        return "its tables over states and actions"
-    for wanted in _least(schema.kind, dims):
-        found = there.get(wanted.name)
-        free = schema.kind == "run" and wanted.name in ("start", "potential")
-        if found is None or not serves(found, wanted, free):
-            return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
-    return ""
-
-
 def serves(found: Column, wanted: Column, free: bool = False) -> bool:
     """Whether a column is laid out as another; a `free` one may also have a task axis before its dimensions."""
     dims = found.dims[1:] if free and found.per_task else found.dims
     return (dims, found.little_endian, found.hashed) == (wanted.dims, wanted.little_endian, wanted.hashed)
 
 
-def _least(kind: str, dims: tuple[str, ...]) -> tuple[Column, ...]:
-    """The columns of `kind` whatever its options, for tables over `dims`."""
-    *state_axes, action = (Axis(name, np.arange(1)) for name in dims)
-    states = tuple(state_axes)
-    if kind == "sources":
-        return sources_schema(states, action, (), 0).columns
-    if kind == "fit":
-        return fit_schema(states, action, 1).columns
-    return run_schema(
-        states,
-        action,
-        (),
-        1,
-        start_per_task=False,
-        potential_per_task=False,
-        exact_values=False,
-        evaluations=0,
-        keep_q=False,
-    ).columns
-
-
-def _held(wanted: Column, there: dict[str, Column]) -> bool:
-    return wanted.name in there and serves(there[wanted.name], wanted)
-
-
-def _keeping() -> tuple[Column, ...]:
-    return (
-        Column(
-            "seconds",
-            (TASK,),
-            "f8",
-            "s",
-            "time inside the kernel, a fair share of its batch",
-            hashed=False,
-            low=0,
-            high=LONGEST,
-        ),
-        Column(
-            TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
-        ),
+def digest_column() -> Column:
+    """The digest of each task, which every schema of tasks has; the store fills it in."""
+    return Column(
+        TASK_DIGEST, (TASK, "byte"), "u1", long_name="SHA-256 of the task's hashed columns", hashed=False
     )
 
 
-def _weighing() -> tuple[Column, ...]:
-    return (
-        Column(
-            "weight",
-            (TASK, "moment", "hypothesis"),
-            "f4",
-            long_name="weight of a library table",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column("moves", (TASK,), "i4", long_name="times that the start table followed the weights", low=0),
-        Column(
-            "frozen", (TASK,), "i4", long_name="episodes after which the weights froze, -1: never", low=-1
-        ),
-    )
-
-
-def _led(per_task: bool, dims: tuple[str, ...]) -> tuple[str, ...]:
-    return (TASK, *dims) if per_task else dims
-
-
-def _index(name: str, length: int) -> Axis:
-    return Axis(name, np.arange(length, dtype=np.int64), "1", f"index of the {name}")
-
-
-def _digest_axis() -> Axis:
+def digest_axis() -> Axis:
+    """The axis of a digest's bytes, which every schema of tasks has."""
     return Axis("byte", np.arange(DIGEST_BYTES, dtype=np.int64), "1", "index into a digest")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from qinit_store import encoding, folder, publish
+from qinit_store import encoding, folder, kinds, publish
 from qinit_store.digest import task_digests
 from qinit_store.disk import Disk
 from qinit_store.errors import Busy, Damaged, NotFound, Refused, SystemFailed, TooNew
@@ -19,7 +19,7 @@ from qinit_store.interrupts import HeldBack, held_back
 from qinit_store.lock import Lock, held
 from qinit_store.presence import AGAIN, exists, is_folder, status
 from qinit_store.reading import Artefact, describe, open_artefact, open_part
-from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema, missing
+from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema
 from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
 DISK = Disk()
@@ -79,7 +79,7 @@ class Work:
         disk: Disk,
     ) -> None:
         canonical_json(spec)
-        lack = missing(schema, part=False)
+        lack = kinds.lack(schema, part=False)
         if lack:
             raise ValueError(f"{schema.kind}: the schema lacks {lack}")
         self.target = target

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.sources import sources_schema
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.tasks import SourceTasks
-from qinit_store.schema import Axis, sources_schema
+from qinit_store.schema import Axis
 from qinit_store.work import open_work
 
 if TYPE_CHECKING:

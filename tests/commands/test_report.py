@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from qinit_store.catalog import FOLDERS
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_store.reading import describe
 
 Run = Callable[..., Any]
@@ -56,7 +56,7 @@ def test_the_numbers_are_those_of_compare(here: Run, given: list[Path], tmp_path
     assert compared["intervals"][0]["over"][3:] in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
-@pytest.mark.parametrize("kind", FOLDERS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_each_kind_alone_makes_a_page_that_shows_it(
     here: Run, pipeline: Any, tuning: Path, tmp_path: Path, kind: str
 ) -> None:

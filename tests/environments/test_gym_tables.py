@@ -415,8 +415,9 @@ def test_a_name_longer_than_a_column_can_have_is_refused() -> None:
 
 def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..., Gym]) -> None:
     from qinit_cli.artefacts.opening import action_axis
+    from qinit_cli.artefacts.run import run_schema
+    from qinit_cli.artefacts.sources import sources_schema
     from qinit_cli.environments.variation import Variation
-    from qinit_store.schema import run_schema, sources_schema
 
     family = tabled()
     axes = (*family.axes(), action_axis(family))

@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 from breakable import Unflushed
 
-from qinit_store.schema import ANYTHING, Axis, Column, fit_schema, run_schema, sources_schema
+from qinit_cli.artefacts.fit import fit_schema
+from qinit_cli.artefacts.run import run_schema
+from qinit_cli.artefacts.sources import sources_schema
+from qinit_store.schema import ANYTHING, Axis, Column
 from qinit_store.work import open_work
 
 DISK = Unflushed()

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from fakes import ACTION, COL, ROW, make_fit, make_sources
 
+from qinit_cli.artefacts.fit import fit_schema
 from qinit_store.errors import Damaged
 from qinit_store.reading import describe, open_artefact
-from qinit_store.schema import Column, Schema, fit_schema
+from qinit_store.schema import Column, Schema
 from qinit_store.verify import verify
 from qinit_store.work import open_work
 

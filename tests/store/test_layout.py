@@ -24,9 +24,11 @@ from fakes import (
     spec_for,
 )
 
+from qinit_cli.artefacts.run import run_schema
+from qinit_cli.artefacts.sources import sources_schema
 from qinit_store.folder import work_folder
 from qinit_store.reading import open_artefact
-from qinit_store.schema import Column, Schema, run_schema, sources_schema
+from qinit_store.schema import Column, Schema
 from qinit_store.work import open_work
 
 MAKERS = {"sources": make_sources, "fit": make_fit, "run": make_run}

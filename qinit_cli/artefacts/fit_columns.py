@@ -24,7 +24,7 @@ class FitStatistics:
 def fit_statistics(
     asked: FitStatistics, state_action: tuple[str, ...]
 ) -> tuple[tuple[Axis, ...], tuple[Column, ...]]:
-    """The axes and columns of what was asked for, beside those of every fit; see `qinit_store.schema.fit_schema`."""
+    """The axes and columns of what was asked for, beside those of every fit; see `fit.fit_schema`."""
     axes: list[Axis] = []
     columns: list[Column] = []
     if asked.normality:

@@ -1,0 +1,135 @@
+"""A fit: what is known of the sources' tables, and what was asked of them besides."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.sources import SOURCES
+
+if TYPE_CHECKING:
+    from qinit_cli.artefacts.kind import Settings
+    from qinit_store.schema import Axis, Column, Schema
+
+
+class FitKind(Kind):
+    """What is known of the sources."""
+
+    name = "fit"
+    folder = "fits"
+    maker = "fit"
+    table = "mu"
+
+    def check_settings(self, spec: Settings) -> None:
+        from dataclasses import fields
+
+        from qinit_cli.artefacts import settings
+        from qinit_cli.fitted import FitOptions
+
+        options = {field.name: object for field in fields(FitOptions)}
+        told = settings.of(
+            spec,
+            "the settings",
+            {"algorithm_version": int, "inputs": list, "sources": dict, "estimator": str},
+            {**options, "initialisations": list},
+        )
+        settings.texts(told, "inputs", count=1)
+        settings.texts(told, "initialisations")
+        settings.built(FitOptions, {name: told[name] for name in options if name in told}, "the fit")
+        SOURCES.check_settings(told["sources"])
+
+    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
+        return fit_schema(states, action, 1).columns
+
+
+FIT = FitKind()
+
+
+def fit_schema(
+    state_axes: tuple[Axis, ...],
+    action: Axis,
+    library: int,
+    more_axes: tuple[Axis, ...] = (),
+    more: tuple[Column, ...] = (),
+) -> Schema:
+    """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
+    import math
+
+    from qinit_cli.artefacts.columns import ROUNDING, index
+    from qinit_store.schema import Column, Schema
+
+    state = tuple(axis.name for axis in state_axes)
+    state_action = (*state, action.name)
+    moments = (
+        Column("mu", state_action, "f8", long_name="mean of ln Q", nan=True),
+        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q", low=0, nan=True),
+        Column(
+            "lognormal_median",
+            state_action,
+            "f8",
+            long_name="median of the fitted log-normal",
+            low=-math.inf,  # the unbiased estimator may be below 0
+            high=math.inf,
+            nan=True,
+        ),
+        Column(
+            "lognormal_mean",
+            state_action,
+            "f8",
+            long_name="mean of the fitted log-normal",
+            low=-math.inf,
+            high=math.inf,
+            nan=True,
+        ),
+        Column("mean", state_action, "f8", long_name="mean of Q", low=0, high=1 + ROUNDING, nan=True),
+        Column(
+            "std", state_action, "f8", long_name="standard deviation of Q", low=0, high=1 + ROUNDING, nan=True
+        ),
+        Column("min", state_action, "f8", long_name="least Q", low=0, high=1 + ROUNDING, nan=True),
+        Column("max", state_action, "f8", long_name="largest Q", low=0, high=1 + ROUNDING, nan=True),
+        Column(
+            "eopl_mean",
+            state_action,
+            "f8",
+            "step",
+            "mean of the expected optimal path lengths",
+            low=0,
+            nan=True,
+        ),
+        Column("eopl_std", state_action, "f8", "step", "their standard deviation", low=0, nan=True),
+    )
+    counts = (
+        Column("n", state_action, "i4", long_name="sources with Q > 0", low=0),
+        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive", low=0),
+        Column("eopl_n", state_action, "i4", long_name="sources whose path arrives", low=0),
+        Column("flags", state_action, "u1", long_name="how the pair was treated"),
+    )
+    tables = (
+        Column(
+            "value_mean",
+            state,
+            "f8",
+            long_name="mean over sources of the largest action value",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column(
+            "library_q",
+            ("library", *state_action),
+            "f8",
+            long_name="action values of a source",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column(
+            "library_td_var",
+            ("library", *state_action),
+            "f8",
+            long_name="its mean squared TD error",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column("library_task", ("library",), "i8", long_name="task id of the source", low=0),
+    )
+    axes = (*state_axes, action, index("library", library), *more_axes)
+    return Schema("fit", axes, (*moments, *counts, *tables, *more))

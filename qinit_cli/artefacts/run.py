@@ -1,0 +1,206 @@
+"""A run: how a method fared on target tasks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qinit_cli.artefacts.kind import Kind
+
+if TYPE_CHECKING:
+    from qinit_cli.artefacts.kind import Settings
+    from qinit_store.schema import Array, Axis, Column, Schema
+
+
+class RunKind(Kind):
+    """How a method fared on target tasks."""
+
+    name = "run"
+    folder = "runs"
+    maker = "transfer"
+    table = "start"
+    free = ("start", "potential")
+
+    def check_settings(self, spec: Settings) -> None:
+        from qinit_cli.artefacts import settings
+        from qinit_cli.fitted import FitOptions
+
+        told = settings.of(
+            spec,
+            "the settings",
+            {
+                "algorithm_version": int,
+                "method": dict,
+                "family": dict,
+                "learning": dict,
+                "seed": int,
+                "tasks": int,
+                "inputs": list,
+                "source_set": dict,
+            },
+            {"keep_q": bool, "evaluate_every": int},
+        )
+        settings.family(told["family"])
+        settings.learning(told["learning"])
+        settings.texts(told, "inputs", count=1)
+        settings.at_least(told, tasks=1, seed=0, evaluate_every=0)
+        settings.method(told["method"])
+        fitted = {"estimator": object, "library": object, "holdout": object, "exclude_unlearned": object}
+        drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
+        source_set = settings.of(told["source_set"], "the source set", drawn, fitted)
+        settings.built(
+            FitOptions,
+            {name: source_set[name] for name in fitted if name in source_set},
+            "the source set's fit",
+        )
+        settings.drawn(source_set)
+
+    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
+        return run_schema(
+            states,
+            action,
+            (),
+            1,
+            start_per_task=False,
+            potential_per_task=False,
+            exact_values=False,
+            evaluations=0,
+            keep_q=False,
+        ).columns
+
+    def lack(self, schema: Schema, *, part: bool) -> str:
+        needed = ("steps", "reached", "task_digest")
+        if part:
+            return (
+                ""
+                if {*needed} <= {column.name for column in schema.columns}
+                else "steps, reached or task_digest"
+            )
+        return super().lack(schema, part=part)
+
+
+RUN = RunKind()
+
+
+def run_schema(
+    state_axes: tuple[Axis, ...],
+    action: Axis,
+    parameters: tuple[Column, ...],
+    episodes: int,
+    *,
+    start_per_task: bool,
+    potential_per_task: bool,
+    exact_values: bool,
+    evaluations: int,
+    keep_q: bool,
+    updating: bool = False,
+    hypotheses: int = 0,
+    moments: Array | None = None,
+) -> Schema:
+    """What target tasks leave behind; start and potential have a task axis where they depend on it.
+
+    `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
+    many episodes as `moments` says stand there too.
+    """
+    import numpy as np
+
+    from qinit_cli.artefacts.columns import ROUNDING, index, kept
+    from qinit_store.schema import TASK, Axis, Column, Schema, digest_axis
+
+    state = tuple(axis.name for axis in state_axes)
+    state_action = (*state, action.name)
+    columns = [
+        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode", low=1),
+        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal", high=1),
+        Column(
+            "start",
+            _led(start_per_task, state_action),
+            "f8",
+            long_name="initial action values",
+            low=0,
+            high=1,
+        ),
+        Column("potential", _led(potential_per_task, state), "f8", long_name="shaping potential"),
+        *parameters,
+        *kept(),
+    ]
+    if exact_values:
+        columns += [
+            Column("v_star", (TASK,), "f8", long_name="optimal value of the start", low=0, high=1 + ROUNDING),
+            Column(
+                "v_eps",
+                (TASK,),
+                "f8",
+                long_name="value of the start under epsilon-greedy on the optimum",
+                low=0,
+                high=1 + ROUNDING,
+            ),
+        ]
+    if evaluations:
+        columns += [
+            Column(
+                "eval_return",
+                (TASK, "evaluation"),
+                "f8",
+                long_name="discounted return of the greedy policy",
+                low=0,
+                high=1,
+            ),
+            Column(
+                "eval_reached",
+                (TASK, "evaluation"),
+                "f8",
+                long_name="share of evaluations that arrive",
+                low=0,
+                high=1,
+            ),
+            Column("eval_steps", (TASK, "evaluation"), "i4", "step", "steps of the greedy policy", low=1),
+        ]
+    if keep_q:
+        columns.append(Column("q", (TASK, *state_action), "f8", long_name="final action values"))
+    if updating:
+        columns += [
+            Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
+            Column("added", (TASK,), "i8", long_name="pairs whose value was added to what is known", low=0),
+            Column(
+                "log_std",
+                (TASK,),
+                "f8",
+                long_name="median over pairs of the standard deviation of ln Q after the task",
+                low=0,
+                nan=True,
+            ),
+        ]
+    indices = [index("episode", episodes), *([index("evaluation", evaluations)] if evaluations else [])]
+    if hypotheses:
+        columns += _weighing()
+        after = Axis(
+            "moment", np.empty(0, np.int64) if moments is None else moments, "1", "episodes that had ended"
+        )
+        indices += [after, index("hypothesis", hypotheses)]
+    return Schema("run", (*state_axes, action, *indices, digest_axis()), tuple(columns))
+
+
+def _weighing() -> tuple[Column, ...]:
+    from qinit_cli.artefacts.columns import ROUNDING
+    from qinit_store.schema import TASK, Column
+
+    return (
+        Column(
+            "weight",
+            (TASK, "moment", "hypothesis"),
+            "f4",
+            long_name="weight of a library table",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column("moves", (TASK,), "i4", long_name="times that the start table followed the weights", low=0),
+        Column(
+            "frozen", (TASK,), "i4", long_name="episodes after which the weights froze, -1: never", low=-1
+        ),
+    )
+
+
+def _led(per_task: bool, dims: tuple[str, ...]) -> tuple[str, ...]:
+    from qinit_store.schema import TASK
+
+    return (TASK, *dims) if per_task else dims

@@ -1,0 +1,85 @@
+"""A tuning: how the candidates for a method's parameters fared on sources in the place of targets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.sources import SOURCES
+
+if TYPE_CHECKING:
+    from qinit_cli.artefacts.kind import Settings
+    from qinit_store.schema import Schema
+
+CANDIDATE = "candidate"
+
+
+class TuningKind(Kind):
+    """How the candidates for a method's parameters fared."""
+
+    name = "tuning"
+    folder = "tunings"
+    maker = "tune"
+
+    def check_settings(self, spec: Settings) -> None:
+        from qinit_cli.artefacts import settings
+        from qinit_cli.fields import is_of
+
+        told = settings.of(
+            spec,
+            "the settings",
+            {
+                "algorithm_version": int,
+                "method": dict,
+                "grid": dict,
+                "family": dict,
+                "learning": dict,
+                "seed": int,
+                "tasks": int,
+                "inputs": list,
+                "sources": dict,
+            },
+        )
+        for name, values in told["grid"].items():
+            if not (isinstance(values, list) and values and all(is_of(value, float) for value in values)):
+                raise ValueError(f"the values tried of {name} are no list of numbers")
+        settings.family(told["family"])
+        settings.learning(told["learning"])
+        settings.texts(told, "inputs", count=1)
+        settings.at_least(told, tasks=1, seed=0)
+        settings.method(told["method"], tuned=told["grid"])
+        SOURCES.check_settings(told["sources"])
+
+    def lack(self, schema: Schema, *, part: bool) -> str:
+        from qinit_store.schema import serves
+
+        there = {column.name: column for column in schema.columns}
+        for wanted in tuning_schema((), 1).columns:
+            if wanted.name not in there or not serves(there[wanted.name], wanted):
+                return f"{wanted.name} over {', '.join(wanted.dims)}"
+        return ""
+
+
+TUNING = TuningKind()
+
+
+def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
+    """What choosing a method's parameters leaves behind: how each source fared as a target under each candidate."""
+    from qinit_cli.artefacts.columns import index, kept
+    from qinit_store.schema import TASK, Column, Schema, digest_axis
+
+    columns = (
+        Column(
+            "average",
+            (TASK, CANDIDATE),
+            "f8",
+            long_name="mean return over the episodes; NaN where it was not tried",
+            low=0,
+            high=1,
+            nan=True,
+        ),
+        Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
+        *kept(),
+        *(Column(name, (CANDIDATE,), "f8", long_name="parameter of the candidate") for name in parameters),
+    )
+    return Schema("tuning", (index(CANDIDATE, candidates), digest_axis()), columns)
