@@ -193,10 +193,10 @@ def test_what_help_needs_imports_nothing_heavy_when_loaded(module: str) -> None:
 
 
 def _loaded_for_help() -> set[str]:
-    """What the commands, methods and families load, and what that loads."""
+    """What the package, the commands, methods and families load, and what that loads."""
     packages = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.methods", "qinit_cli.environments")
     found: set[str] = set()
-    following = {module for module in MODULES if _under(module, packages)}
+    following = {module for module in MODULES if module == "qinit_cli" or _under(module, packages)}
     while following:
         found |= following
         following = {name for module in following for name in _when_loaded(module) & MODULES.keys()} - found

@@ -106,7 +106,7 @@ def without_tasks(spec: Spec) -> dict[str, Any]:
 
 
 def difference(asked: Spec, there: Spec) -> str:
-    """The first setting that differs, as "learning.alpha: asked for 0.2, there is 0.1"; "" if none does."""
+    """The first setting that differs, as "group.name: asked for 0.2, there is 0.1"; "" if none does."""
     one, other = json.loads(canonical_json(asked)), json.loads(canonical_json(there))
     return next(_differences(one, other, ""), "")
 
