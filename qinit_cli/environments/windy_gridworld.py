@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
+FARTHEST = 45.0  # standard Weibull of shape 1: numpy draws none beyond 44.5
 DIRECTIONS = ("up", "down", "left", "right")
 
 
@@ -87,7 +88,13 @@ class WindyGridworld(TableFamily):
 
         return (
             Column(
-                "wind", ("task",), "<f8", "1", "cells that the wind drifts the agent after each move", low=0
+                "wind",
+                ("task",),
+                "<f8",
+                "1",
+                "cells that the wind drifts the agent after each move",
+                low=0,
+                high=self.wind_scale * FARTHEST ** (1 / self.wind_shape),
             ),
             Column(
                 "direction",

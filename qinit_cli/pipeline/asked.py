@@ -45,10 +45,7 @@ class LearningSources:
         """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
-        try:
-            return replace(family.source_learning, **asked)
-        except ValueError as error:
-            raise UsageError(f"--{error}") from error
+        return _changed(family.source_learning, asked)
 
 
 @dataclass(frozen=True)
@@ -88,10 +85,7 @@ class LearningTargets:
         given = {name: sources[name] for name in FROM_SOURCES}
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
-        try:
-            return replace(family.target_learning, **(given | asked))
-        except ValueError as error:
-            raise UsageError(f"--{error}") from error
+        return _changed(family.target_learning, given | asked)
 
     def family(self, sources: Family) -> Family:
         """The sources' family with the shifts made; UsageError, one sentence, where they cannot be."""
@@ -142,6 +136,19 @@ class Rehearsing:
 
     def __post_init__(self) -> None:
         check(self)
+
+    def learning(self, family: Family, sources: dict[str, Any]) -> Learning:
+        """The family's way of learning targets, with alpha, gamma and horizon of the sources; UsageError where that cannot be."""
+        given = {name: sources[name] for name in FROM_SOURCES}
+        asked = {} if self.episodes is None else {"episodes": self.episodes}
+        return _changed(family.target_learning, given | asked)
+
+
+def _changed(usual: Learning, asked: dict[str, Any]) -> Learning:
+    try:
+        return replace(usual, **asked)
+    except ValueError as error:
+        raise UsageError(f"--{error}") from error
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:

@@ -18,7 +18,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import Method
 from qinit_cli.pipeline import fit as stage
-from qinit_cli.pipeline.asked import FROM_SOURCES, Rehearsing
+from qinit_cli.pipeline.asked import Rehearsing
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
 from qinit_cli.pipeline.transfer import learn_targets, learning_bytes
@@ -83,6 +83,7 @@ def plan_of(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid
 def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) -> Rehearsal:
     """The learner, with a fit of all other sources for each fold."""
     family, fitting = family_in(source), FitOptions()
+    learning = rehearsing.learning(family, source.spec["learning"])
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(
@@ -96,10 +97,6 @@ def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) 
         others = replace(selection, kept=selection.kept & (fold != number))
         blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
         fits.append(FittedTables.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
-    sources = source.spec["learning"]
-    given = {name: sources[name] for name in FROM_SOURCES}
-    episodes = {} if rehearsing.episodes is None else {"episodes": rehearsing.episodes}
-    learning = replace(family.target_learning, **(given | episodes))
     targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=STAND_INS)
     return Rehearsal(targets, tried, fits, fold)
 

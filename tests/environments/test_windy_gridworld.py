@@ -228,3 +228,9 @@ def test_wind_shifts_but_not_the_size() -> None:
     assert GRID.shifted({"wind_scale": 0.5}) == replace(GRID, wind_scale=0.5)
     with pytest.raises(ValueError, match="size cannot be shifted"):
         GRID.shifted({"size": 7})
+
+
+def test_a_wind_beyond_any_that_is_drawn_is_out_of_range() -> None:
+    wind, _ = replace(GRID, wind_scale=0.3, wind_shape=2).parameters()
+    # a draw is 0.3 * sqrt(e), and e ends where -ln(2^-53) and the tail's start at 7.7 are added: 44.4
+    assert wind.fits(np.array([0.0, 1.99, 2.1, 1e308, np.nan])).tolist() == [True, True, False, False, False]
