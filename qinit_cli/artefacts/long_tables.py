@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
@@ -87,8 +89,6 @@ def fields(artefact: Artefact, table: str) -> list[Field]:
 
 def rows(artefact: Artefact, table: str) -> Iterator[dict[str, Array]]:
     """The long table in pieces of at most ROWS rows: a one-dimensional array for each of its fields."""
-    import numpy as np
-
     dims, values = layout(artefact.schema, table)
     names = [field.name for field in fields(artefact, table)]
     joined = [column for dim in dims for column in drawn(artefact.schema, dim)]
@@ -194,8 +194,6 @@ def _derived_fields(artefact: Artefact, table: str) -> list[Field]:
 
 def _derived(artefact: Artefact, table: str, block: dict[str, Array]) -> dict[str, Array]:
     """The derived columns of a block of tasks, over the axes of the table."""
-    import numpy as np
-
     from qinit_cli.analysis import returns
 
     wanted = [field.name for field in _derived_fields(artefact, table)]

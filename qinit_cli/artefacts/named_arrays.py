@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from qinit_cli.artefacts.long_tables import drawn, layout, texts
 
 if TYPE_CHECKING:
@@ -61,8 +63,6 @@ def _passes(artefact: Artefact, columns: list[Column]) -> list[list[Column]]:
 
 
 def _bytes(artefact: Artefact, column: Column) -> int:
-    import numpy as np
-
     return int(np.prod(_shape(artefact, column), dtype=np.int64)) * column.little_endian.itemsize
 
 
@@ -73,7 +73,6 @@ def _shape(artefact: Artefact, column: Column) -> tuple[int, ...]:
 
 def _read_together(artefact: Artefact, columns: list[Column]) -> Iterator[NamedArray]:
     """A single column in pieces as it is read, several from memory."""
-    import numpy as np
 
     def named(column: Column, pieces: Iterator[Array]) -> NamedArray:
         shape, dtype = _shape(artefact, column), column.little_endian.str

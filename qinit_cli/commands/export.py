@@ -99,11 +99,12 @@ def add_to(app: typer.Typer) -> None:
 
 def export(artefacts: list[str], exporting: Exporting, reading: Reading, display: Display) -> None:
     """Writes one file, and prints its path; or writes to stdout."""
-    from qinit_cli.commands import export_formats, references
+    from qinit_cli.artefacts import formats
+    from qinit_cli.commands import references
 
     format, destination = exporting.format, exporting.destination
     if format == "parquet":
-        export_formats.pyarrow()  # before anything is read
+        formats.pyarrow()  # before anything is read
     paths = list(dict.fromkeys(references.many(artefacts, reading.store, output=destination)))
     table, fields = _table(paths, format, exporting.what)
     if destination is None:
@@ -122,14 +123,14 @@ def export(artefacts: list[str], exporting: Exporting, reading: Reading, display
 def _write(
     destination: OutputFile, paths: list[Path], format: Format, table: str | None, fields: list[Field]
 ) -> None:
-    from qinit_cli.commands import export_formats
+    from qinit_cli.artefacts import formats
 
     with destination.writing() as file:
         match format:
             case "parquet":
-                export_formats.write_parquet(file, _opened(paths), str(table), fields)
+                formats.write_parquet(file, _opened(paths), str(table), fields)
             case "npz":
-                export_formats.write_npz(file, _opened(paths), table)
+                formats.write_npz(file, _opened(paths), table)
             case _:
                 text = io.TextIOWrapper(file, encoding="utf-8", newline="")
                 _write_text(text, paths, format, table, fields)
@@ -140,10 +141,10 @@ def _write_with_about(
     destination: OutputFile, paths: list[Path], table: str, fields: list[Field], display: Display
 ) -> None:
     """The table, and beside it a JSON file with its origin and the meaning of its columns."""
-    from qinit_cli.commands import export_formats
+    from qinit_cli.artefacts import formats
 
     beside = OutputFile(destination.path.with_name(f"{destination.path.name}.json"), destination.force)
-    said = json.dumps(export_formats.about(_opened(paths), table, fields), allow_nan=False, indent=1)
+    said = json.dumps(formats.about(_opened(paths), table, fields), allow_nan=False, indent=1)
     beside.check_content(content := said.encode() + b"\n")
     _write(destination, paths, "csv", table, fields)
     beside.write(content)
@@ -153,16 +154,16 @@ def _write_with_about(
 def _write_text(
     file: IO[str], paths: list[Path], format: Format, table: str | None, fields: list[Field]
 ) -> None:
-    from qinit_cli.commands import export_formats
+    from qinit_cli.artefacts import formats
 
     if format == "csv":
-        export_formats.write_csv(file, _opened(paths), str(table), fields)
+        formats.write_csv(file, _opened(paths), str(table), fields)
     else:
-        export_formats.write_json(file, _opened(paths), table)
+        formats.write_json(file, _opened(paths), table)
     file.flush()
 
 
-def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # export_formats.Opened, imported late
+def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # formats.Opened, imported late
     """What gives the artefacts one by one, each open until the next is asked for."""
     from qinit_cli.artefacts.opening import open_artefact
 

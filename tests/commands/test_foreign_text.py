@@ -142,7 +142,7 @@ def test_an_export_computes_no_text_and_keeps_its_numbers(here: Run, pipeline: A
 
 
 def test_numbers_in_text_stay_numbers() -> None:
-    from qinit_cli.commands.cells import separated
+    from qinit_cli.cells import separated
 
     assert [separated(text) for text in ("-1", "+2.5e-3", "-1,0.5", "-x", "@f", "+1+1", "a=b", "\t=1", "\uff1d1")] == [
         "-1", "+2.5e-3", "-1,0.5", "'-x", "'@f", "'+1+1", "a=b", "\\t=1", "'\uff1d1",

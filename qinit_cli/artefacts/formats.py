@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.artefacts.long_tables import Field, rows
 from qinit_cli.artefacts.named_arrays import NamedArray, arrays
-from qinit_cli.commands.cells import separated
+from qinit_cli.cells import separated
 from qinit_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -82,10 +85,6 @@ def write_parquet(file: IO[bytes], opened: Opened, table: str, fields: Sequence[
 
 def write_npz(file: IO[bytes], opened: Opened, table: str | None) -> None:
     """A zip of arrays as numpy.load reads it, with `metadata_json`; those of several artefacts stand under NAME/."""
-    import zipfile
-
-    import numpy as np
-
     several = len(list(opened())) > 1
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for artefact in opened():
@@ -120,17 +119,11 @@ def pyarrow() -> tuple[Any, Any]:
 
 
 def _arrow(arrow: Any, dtype: str) -> Any:
-    import numpy as np
-
     return arrow.from_numpy_dtype(np.dtype(dtype))
 
 
 def _add(archive: Any, name: str, shape: tuple[int, ...], dtype: str, pieces: Iterable[Any]) -> None:
     """One array of an npz file, written as its pieces come."""
-    import zipfile
-
-    import numpy as np
-
     entry = zipfile.ZipInfo(f"{name}.npy", date_time=EARLIEST)
     entry.compress_type = zipfile.ZIP_DEFLATED
     with archive.open(entry, "w", force_zip64=True) as out:
@@ -153,8 +146,6 @@ def _write_array(file: IO[str], array: NamedArray) -> None:
 
 def _plain(values: Any, absent: str | None) -> Any:
     """A numpy array or number as plain Python, with `absent` for what is no finite number."""
-    import numpy as np
-
     values = np.asarray(values)
     if values.dtype.kind != "f" or np.isfinite(values).all():
         return values.tolist()
