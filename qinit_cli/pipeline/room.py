@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_store.errors import SystemFailed
-from qinit_store.wording import counted, noun
+from qinit_store.wording import counted, noun, sized
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Plan
@@ -47,13 +47,13 @@ def check_artefact(size: Footprint) -> None:
 
     if size.task > guard.LARGEST_TASK:
         raise NotAllowed(
-            f"a task would take {_told(size.task)}, and may take {_told(guard.LARGEST_TASK)} in an artefact; ask for fewer "
+            f"a task would take {sized(size.task)}, and may take {sized(guard.LARGEST_TASK)} in an artefact; ask for fewer "
             "--episodes, fewer evaluations or a smaller table"
         )
     most = min(guard.LARGEST_DECLARED // size.task, guard.MOST_TASKS)
     if size.tasks > most:
         raise NotAllowed(
-            f"{size.tasks} tasks would take {_told(size.tasks * size.task)}; an artefact holds {most} of them at most, so ask "
+            f"{size.tasks} tasks would take {sized(size.tasks * size.task)}; an artefact holds {most} of them at most, so ask "
             "for fewer --tasks, or for several artefacts by --seed"
         )
 
@@ -77,7 +77,7 @@ def check_memory(size: Footprint, count: int, threads: int, *, held: bool = Fals
     needed = min(count, threads * BATCH) * (size.task + size.learning) + count * kept
     if needed > (there := memory_available()):
         raise SystemFailed(
-            f"learning needs at least {_told(needed)} of memory, {_told(there)} are available; ask for fewer --jobs, --tasks or "
+            f"learning needs at least {sized(needed)} of memory, {sized(there)} are available; ask for fewer --jobs, --tasks or "
             "--episodes"
         )
 
@@ -88,8 +88,8 @@ def check_disk(size: Footprint, count: int, where: Path) -> None:
     free = free_on_disk(folder)
     if free is not None and (needed := count * size.uncompressed) > free:
         raise SystemFailed(
-            f"{counted(count, 'task')} {noun(count, 'needs', 'need')} at least {_told(needed)} on the disk of {folder}, where "
-            f"{_told(free)} are free; name another --store or -o, or ask for fewer --tasks"
+            f"{counted(count, 'task')} {noun(count, 'needs', 'need')} at least {sized(needed)} on the disk of {folder}, where "
+            f"{sized(free)} are free; name another --store or -o, or ask for fewer --tasks"
         )
 
 
@@ -141,10 +141,3 @@ def _lines(path: Path) -> list[str]:
         return path.read_text().splitlines()
     except (OSError, UnicodeDecodeError):
         return []
-
-
-def _told(size: float) -> str:
-    unit, word = next(
-        ((unit, word) for unit, word in ((1e12, "TB"), (1e9, "GB")) if size >= unit), (1e6, "MB")
-    )
-    return f"{size / unit:,.1f} {word}"

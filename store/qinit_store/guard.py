@@ -20,7 +20,7 @@ import numpy as np
 from qinit_store.errors import Damaged, NotOurs, TooNew
 from qinit_store.schema import DIGEST_BYTES, NAME, TASK, TASK_DIGEST
 from qinit_store.source import Source
-from qinit_store.wording import shell_line
+from qinit_store.wording import shell_line, sized
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 HEAD = 16  # bytes; the version follows the magic, and three bytes later the marks of whoever has it open for writing
@@ -176,19 +176,20 @@ def checked_datasets(file: h5py.File) -> tuple[dict[str, Checked], list[str]]:
             strange.append(f"{name} {reason}")
         else:
             found[name] = _checked_dataset(file.id, name)
-    if sum(one.nbytes for one in found.values()) > LARGEST_DECLARED:
-        raise ValueError("the datasets declare more bytes than an artefact may have")
+    _check_size("the datasets declare", sum(one.nbytes for one in found.values()), LARGEST_DECLARED)
     return found, strange
 
 
 def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
     """ValueError where what must be in memory at once is too much, or is declared and not there."""
     whole = [one for name, one in datasets.items() if name not in per_task or name in (TASK, TASK_DIGEST)]
-    if sum(one.nbytes for one in whole) > LARGEST_STATIC:
-        raise ValueError("the datasets without a task axis declare too many bytes")
+    _check_size("the datasets without a task axis declare", sum(one.nbytes for one in whole), LARGEST_STATIC)
     task = (datasets[name].dataset for name in per_task)
-    if sum(one.dtype.itemsize * math.prod(one.shape[1:]) for one in task) > LARGEST_TASK:
-        raise ValueError("one task declares too many bytes")
+    _check_size(
+        "one task declares",
+        sum(one.dtype.itemsize * math.prod(one.shape[1:]) for one in task),
+        LARGEST_TASK,
+    )
     if {TASK, TASK_DIGEST} <= datasets.keys():
         tasks = datasets[TASK].dataset.size
         if datasets[TASK_DIGEST].stored < LEAST_DIGEST * tasks:
@@ -196,6 +197,11 @@ def check_shares(datasets: dict[str, Checked], per_task: set[str]) -> None:
     for name, one in datasets.items():
         if not one.written:
             raise ValueError(f"{name} is not all there: what was never written would be read as zeros")
+
+
+def _check_size(what: str, size: int, most: int) -> None:
+    if size > most:
+        raise ValueError(f"{what} {sized(size)}; {sized(most)} are allowed")
 
 
 def _names(root: Any) -> tuple[list[str], list[str]]:

@@ -50,6 +50,14 @@ def magnitude(count: float) -> str:
     return f"{float(f'{count:.3g}') / unit:g} {name}"
 
 
+def sized(size: float) -> str:
+    """An amount of memory or disk: 3.2 MB, 41.0 GB, 1,900.0 TB."""
+    unit, word = next(
+        ((unit, word) for unit, word in ((1e12, "TB"), (1e9, "GB")) if size >= unit), (1e6, "MB")
+    )
+    return f"{size / unit:,.1f} {word}"
+
+
 def plain(value: float) -> str:
     """A measure with three digits, from a thousand on whole: 0.21, 12.3, 12,345."""
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
