@@ -458,7 +458,10 @@ def tune(
         name: tuple(float(value) for value in several)
         for name, several in (tunable(type(chosen)) if grid is None else grid).items()
     }
-    values = {one.name: values[one.name] for one in options(type(chosen)) if one.name in values}
+    known = [one.name for one in options(type(chosen))]
+    if unknown := sorted(values.keys() - set(known)):
+        raise UsageError(f"{chosen.name} has no parameter {unknown[0]}; it has {', '.join(known) or 'none'}")
+    values = {name: values[name] for name in known if name in values}
     if not values:
         raise UsageError(f"{chosen.name} has no parameters to choose; give a grid")
     asked = _asked(Rehearsing, episodes=episodes, jobs=jobs)

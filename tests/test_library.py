@@ -225,6 +225,8 @@ def test_errors_are_those_that_the_command_turns_into_exit_codes(
         qinit.open("nothing")
     with pytest.raises(NotAllowed, match="at least 2"):
         qinit.fit(qinit.train_sources(family, tasks=1, learner="exact"))
+    with pytest.raises(UsageError, match="no parameter kapa"):
+        qinit.tune("ucoi", qinit.train_sources(family, tasks=3, learner="exact"), grid={"kapa": [1.0]})
     with pytest.raises(AttributeError, match="gridworld"):
         _ = qinit.families.gridwold
 

@@ -64,7 +64,7 @@ def add_to(methods: typer.Typer) -> None:
 
 
 def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
-    if not tunable(method):
+    if not tunable(method) or method.privileged:
         return
     add_command(
         methods,
@@ -89,7 +89,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
 
 def tunable_methods() -> dict[str, type[Method]]:
     """The methods that have parameters to choose."""
-    return {name: method for name, method in METHODS.items() if tunable(method)}
+    return {name: method for name, method in METHODS.items() if tunable(method) and not method.privileged}
 
 
 def tune(

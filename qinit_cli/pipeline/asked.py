@@ -20,7 +20,7 @@ class LearningSources:
     """How source tasks are learned; None: as the family has it."""
 
     tasks: int | None = option(None, "Source tasks.", low=1, metavar="N")
-    seed: int = option(0, "Root of all chance; each task has streams of its own.", low=0)
+    seed: int = option(0, "Root of all randomness; each task has streams of its own.", low=0)
     learner: Literal["q-learning", "exact"] = option(
         "q-learning", "Tabular Q-learning, or exact tables by value iteration."
     )
@@ -53,7 +53,9 @@ class LearningTargets:
     """How target tasks are learned; None: as the fit's sources or the family have it."""
 
     tasks: int | None = option(None, "Target tasks.", low=1, metavar="N")
-    seed: int = option(0, "Root of the targets' chance: every method meets the same tasks and dice.", low=0)
+    seed: int = option(
+        0, "Root of the targets' randomness: every method meets the same tasks and dice.", low=0
+    )
     episodes: int | None = option(None, "Episodes of each task.", low=1)
     horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
     alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)

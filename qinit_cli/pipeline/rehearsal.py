@@ -38,7 +38,12 @@ MOST_CANDIDATES = 2_000
 
 
 def tried(method: Method, values: Grid) -> list[Method]:
-    """The candidates, whole numbers where the method takes such; UsageError for a value or a number of them that cannot be."""
+    """The candidates, whole numbers where the method takes such; UsageError for a value or a number of them that cannot be.
+
+    NotAllowed for a privileged method.
+    """
+    if method.privileged:
+        raise NotAllowed(f"{method.name} reads the target itself, so that no source can stand in for one")
     try:
         typed = {
             name: tuple(getattr(with_parameters(method, {name: value}), name) for value in asked)
