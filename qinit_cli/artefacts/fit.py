@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kind import Kind
 from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
+    from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
 
 
@@ -40,6 +41,28 @@ class FitKind(Kind):
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return fit_schema(states, action, 1).columns
+
+    def drawn(self, spec: Settings) -> dict[str, Any]:
+        return dict(spec["sources"])
+
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        from qinit_cli.artefacts.fit_columns import FitStatistics, fit_statistics
+
+        states, action = self.axes(artefact)
+        names = (*(axis.name for axis in states), action.name)
+        everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
+        library = artefact.schema.sizes["library"]
+        return fit_schema(states, action, library, *fit_statistics(everything, names)).columns
+
+    def highest(self, artefact: Artefact) -> dict[str, float]:
+        tasks = artefact.spec["sources"]["tasks"]
+        longest = {f"{name}_mean": steps for name, steps in self.longest_path(artefact).items()}
+        return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1, **longest}
+
+    def check_values(self, artefact: Artefact) -> None:
+        from qinit_cli.artefacts.fit_values import check_values
+
+        check_values(artefact)
 
 
 FIT = FitKind()

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
+    from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
 
 Settings = Mapping[str, Any]
@@ -22,6 +23,7 @@ class Kind(ABC):
     folder: ClassVar[str]  # in a store
     maker: ClassVar[str]  # the command that makes it
     table: ClassVar[str] = ""  # the column whose axes are states and actions; "" where it has none
+    has_parameters: ClassVar[bool] = False  # whether what each task was drawn as stands there
     free: ClassVar[tuple[str, ...]] = ()  # columns that may have a task axis before the axes they must have
 
     def check(self, spec: Settings) -> None:
@@ -59,3 +61,49 @@ class Kind(ABC):
             if found is None or not serves(found, wanted, wanted.name in self.free):
                 return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
         return ""
+
+    def drawn(self, spec: Settings) -> dict[str, Any]:
+        """The settings by which its tasks were drawn."""
+        return dict(spec)
+
+    def lengths(self, artefact: Artefact) -> dict[str, int]:
+        """The length of each index, as the settings make it."""
+        return {}
+
+    @abstractmethod
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        """The columns that it may have, over the file's own axes."""
+
+    def highest(self, artefact: Artefact) -> dict[str, float]:
+        """The largest value of each column that its settings bound."""
+        return {}
+
+    def within(self, column: Column, artefact: Artefact) -> Column:
+        """The column with the least and the largest value that these settings allow, where they say more than it does."""
+        from dataclasses import replace
+
+        return replace(column, high=self.highest(artefact).get(column.name, column.high))
+
+    def check_values(self, artefact: Artefact) -> None:  # noqa: B027  # neutral: few kinds have such
+        """ValueError where its numbers contradict one another, or its settings."""
+
+    def axes(self, artefact: Artefact) -> tuple[tuple[Axis, ...], Axis]:
+        """The state axes and the action axis of its table."""
+        axes = {axis.name: axis for axis in artefact.schema.axes}
+        table = next(column for column in artefact.schema.columns if column.name == self.table)
+        *states, action = (axes[name] for name in table.dims if name != "task")
+        return tuple(states), action
+
+    def longest_path(self, artefact: Artefact) -> dict[str, float]:
+        """The most steps of a path of sources: it meets no state twice, or ends at the horizon; none for a plug-in's family."""
+        import math
+
+        from qinit_cli.environments import FAMILIES
+
+        drawn = artefact.spec.get("sources", artefact.spec)
+        if not FAMILIES.is_own(drawn["family"]["name"]):
+            return {}
+        states, _ = self.axes(artefact)
+        return {
+            "eopl": 1.0 + max(math.prod(axis.values.size for axis in states), drawn["learning"]["horizon"])
+        }

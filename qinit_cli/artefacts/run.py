@@ -8,6 +8,7 @@ from qinit_cli.artefacts.kind import Kind
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
+    from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
 
@@ -18,6 +19,7 @@ class RunKind(Kind):
     folder = "runs"
     maker = "transfer"
     table = "start"
+    has_parameters = True
     free = ("start", "potential")
 
     def check_settings(self, spec: Settings) -> None:
@@ -76,6 +78,52 @@ class RunKind(Kind):
                 else "steps, reached or task_digest"
             )
         return super().lack(schema, part=part)
+
+    def lengths(self, artefact: Artefact) -> dict[str, int]:
+        from qinit_cli.artefacts import settings
+
+        episodes, every = (
+            settings.learning(artefact.spec["learning"]).episodes,
+            artefact.spec.get("evaluate_every", 0),
+        )
+        return {"episode": episodes, "evaluation": 1 + episodes // every if every else 0}
+
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        there = {column.name: column for column in artefact.schema.columns}
+        axes, sizes = {axis.name: axis for axis in artefact.schema.axes}, artefact.schema.sizes
+        return run_schema(
+            *self.axes(artefact),
+            (),
+            sizes["episode"],
+            start_per_task=there["start"].per_task,
+            potential_per_task=there["potential"].per_task,
+            exact_values="v_star" in there or "v_eps" in there,
+            evaluations=sizes.get("evaluation", 0),
+            keep_q="q" in there,
+            updating="visits" in there,
+            hypotheses=sizes.get("hypothesis", 0),
+            moments=axes["moment"].values if "moment" in axes else None,
+        ).columns
+
+    def highest(self, artefact: Artefact) -> dict[str, float]:
+        from qinit_cli.artefacts import settings
+
+        learning = settings.learning(artefact.spec["learning"])
+        return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}
+
+    def within(self, column: Column, artefact: Artefact) -> Column:
+        from dataclasses import replace
+
+        from qinit_cli.artefacts.columns import ROUNDING
+        from qinit_cli.methods import METHODS
+
+        if METHODS.is_own(artefact.spec["method"]["name"]):
+            # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
+            if column.name == "potential":
+                return replace(column, low=0, high=1 + ROUNDING)
+            if column.name == "q":
+                return replace(column, low=-1 - ROUNDING, high=2 + ROUNDING)
+        return super().within(column, artefact)
 
 
 RUN = RunKind()

@@ -8,6 +8,7 @@ from qinit_cli.artefacts.kind import Kind
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
+    from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
 
 
@@ -18,6 +19,7 @@ class SourcesKind(Kind):
     folder = "sources"
     maker = "train-sources"
     table = "q"
+    has_parameters = True
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
@@ -40,6 +42,30 @@ class SourcesKind(Kind):
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return sources_schema(states, action, (), 0).columns
+
+    def lengths(self, artefact: Artefact) -> dict[str, int]:
+        from qinit_cli.artefacts import settings
+        from qinit_cli.learning import curve_bins
+
+        learner = artefact.spec["learner"]
+        return {"bin": curve_bins(learner, settings.learning(artefact.spec["learning"], learner))}
+
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        return sources_schema(*self.axes(artefact), (), artefact.schema.sizes.get("bin", 0)).columns
+
+    def highest(self, artefact: Artefact) -> dict[str, float]:
+        from qinit_cli.artefacts import settings
+
+        if artefact.spec.get("learner") == "exact":
+            return {"steps": 0, "visits": 0, **self.longest_path(artefact)}
+        learning = settings.learning(artefact.spec["learning"])
+        most = learning.episodes * learning.horizon
+        return {
+            "steps": most,
+            "visits": most,
+            "curve_steps": learning.horizon,
+            **self.longest_path(artefact),
+        }
 
 
 SOURCES = SourcesKind()

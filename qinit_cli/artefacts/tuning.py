@@ -9,7 +9,8 @@ from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
-    from qinit_store.schema import Schema
+    from qinit_store.reading import Artefact
+    from qinit_store.schema import Column, Schema
 
 CANDIDATE = "candidate"
 
@@ -58,6 +59,16 @@ class TuningKind(Kind):
             if wanted.name not in there or not serves(there[wanted.name], wanted):
                 return f"{wanted.name} over {', '.join(wanted.dims)}"
         return ""
+
+    def lengths(self, artefact: Artefact) -> dict[str, int]:
+        import math
+
+        combinations = math.prod(len(values) for values in artefact.spec["grid"].values())
+        tried = artefact.schema.sizes.get(CANDIDATE, 0)  # among them the method as it is
+        return {CANDIDATE: min(max(1, tried), combinations + 1)}
+
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        return tuning_schema(tuple(artefact.spec["grid"]), artefact.schema.sizes.get(CANDIDATE, 0)).columns
 
 
 TUNING = TuningKind()
