@@ -88,8 +88,11 @@ def threads_here(jobs: int, learn: Learn, watch: Watch) -> Iterator[Crew]:
 
 def batches(tasks: Integers, jobs: int) -> list[Integers]:
     """The task ids in batches of at most BATCH, as many for one worker as for another; no number depends on it."""
-    rounds = -(-len(tasks) // (BATCH * jobs))
-    return [batch for batch in np.array_split(tasks, rounds * jobs) if len(batch)] if rounds else []
+    busy = min(jobs, len(tasks))  # else as many empty batches are made as jobs are asked for
+    if not busy:
+        return []
+    rounds = -(-len(tasks) // (BATCH * busy))
+    return [batch for batch in np.array_split(tasks, rounds * busy) if len(batch)]
 
 
 def results(

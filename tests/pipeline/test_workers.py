@@ -94,3 +94,7 @@ def test_progress_is_looked_at_while_a_batch_runs() -> None:
 
     with ThreadPoolExecutor(1) as threads:
         assert list(results(threads, lambda: 1, learn, [7], lambda: False, gate.set)) == [7]
+
+
+def test_a_billion_jobs_make_as_many_batches_as_there_are_tasks() -> None:
+    assert [batch.tolist() for batch in batches(np.arange(3), 10**9)] == [[0], [1], [2]]
