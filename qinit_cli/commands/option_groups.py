@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
+from qinit_cli import cores
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, flag, help_of, option, options
 from qinit_cli.pipeline.keeping import Keeping
@@ -131,6 +132,7 @@ class OnePass:
         None,
         "Without effect: a fit is one pass over its sources.",
         low=1,
+        high=cores.MOST_JOBS,
         metavar="N",
         seldom=True,
     )

@@ -10,6 +10,7 @@ from typing import Literal
 
 import typer
 
+from qinit_cli import cores
 from qinit_cli.commands.build import add_command
 from qinit_cli.commands.messages import Printed, print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
@@ -70,7 +71,9 @@ class ReproducedInto:
 class Threads:
     """How much of the machine is used; no number depends on it."""
 
-    jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
+    jobs: int | None = option(
+        None, "Tasks learned at once.", low=1, high=cores.MOST_JOBS, default_text="all cores", metavar="N"
+    )
 
     def __post_init__(self) -> None:
         check(self)

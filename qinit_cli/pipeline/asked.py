@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_type_hints
 
+from qinit_cli import cores
 from qinit_cli.environments import Family
 from qinit_cli.errors import UsageError
 from qinit_cli.fields import check, flag, option, options
@@ -134,7 +135,9 @@ class Rehearsing:
     episodes: int | None = option(
         None, "Episodes of each source, learned as a target is.", low=1, default_text="as targets have"
     )
-    jobs: int | None = option(None, "Sources learned at once.", low=1, default_text="all cores", metavar="N")
+    jobs: int | None = option(
+        None, "Sources learned at once.", low=1, high=cores.MOST_JOBS, default_text="all cores", metavar="N"
+    )
 
     def __post_init__(self) -> None:
         check(self)

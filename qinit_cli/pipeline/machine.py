@@ -14,7 +14,9 @@ from qinit_cli.fields import check, option
 class Machine:
     """How much of the machine is used; no number depends on it."""
 
-    jobs: int | None = option(None, "Tasks learned at once.", low=1, default_text="all cores", metavar="N")
+    jobs: int | None = option(
+        None, "Tasks learned at once.", low=1, high=cores.MOST_JOBS, default_text="all cores", metavar="N"
+    )
     shard: str | None = option(
         None,
         "Learn only the K-th of N shares, into an artefact of its own; qinit merge joins them.",

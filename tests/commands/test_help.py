@@ -278,7 +278,7 @@ def test_every_number_with_a_range_shows_it(helped: Callable[..., list[str]]) ->
         ("--epsilon", "[0 to 1]"),
         ("--gamma", "[above 0 and at most 1]"),
         ("--size", "[2 to 1000]"),
-        ("--jobs", "[at least 1]"),
+        ("--jobs", "[1 to 1024]"),
         ("--variance", "[at least 0]"),
     ):
         assert told in _line_of(spelled, lines)

@@ -102,6 +102,7 @@ def test_the_artefact_is_shown_listed_exported_and_verified(here: Here, sources:
         (("posterior", "--threshold", "3,1"), 2, "--threshold is 3.0; it must be from 0 to 2"),
         (("ops-tl", "--c", ",".join(map(str, range(200)))), 2, "these are 4001 combinations"),
         (("ucoi", "--episodes", str(2**63)), 2, "the steps cannot be counted"),
+        (("ucoi", "--jobs", "1000000000"), 2, "--jobs is 1000000000; it must be from 1 to 1024"),
         (("maxqinit",), 2, "maxqinit"),
     ],
 )
