@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.kind import Kind, Shown
 from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -19,6 +20,12 @@ class FitKind(Kind):
     name = "fit"
     folder = "fits"
     maker = "fit"
+    one, several, counted = "fit", "fits", "sources"
+    tables: ClassVar[Mapping[str, str]] = {
+        "state-actions": "mu",
+        "states": "value_mean",
+        "library": "library_q",
+    }
     table = "mu"
 
     def check_settings(self, spec: Settings) -> None:
@@ -63,6 +70,30 @@ class FitKind(Kind):
         from qinit_cli.artefacts.fit_values import check_values
 
         check_values(artefact)
+
+    def shown(self, artefact: Artefact) -> Shown:
+        import numpy as np
+
+        from qinit_cli.fitted import MASKED, UNKNOWN
+
+        n, flags, median = (artefact.read(name) for name in ("n", "flags", "lognormal_median"))
+        numbers: dict[str, Any] = {
+            "sources": int(artefact.spec["sources"]["tasks"]),
+            "estimator": artefact.spec["estimator"],
+            "state_actions": n.size,
+            "unknown": int((flags & UNKNOWN > 0).sum()),
+            "masked": int((flags & MASKED > 0).sum()),
+            "masked_entries": int(artefact.read("n_masked").sum()),
+            "n_least": int(n.min()),
+            "n_most": int(n.max()),
+            "library_tables": len(artefact.read("library_task")),
+        }
+        known = median[np.isfinite(median)]
+        if known.size:
+            numbers |= {"median_least": float(known.min()), "median_most": float(known.max())}
+        best = np.where(np.isfinite(median), median, -np.inf).max(axis=-1)
+        title = "log-normal median of Q, its largest over actions"
+        return Shown(numbers, np.where(np.isfinite(best), best, np.nan), "heatmap", title)
 
 
 FIT = FitKind()

@@ -11,7 +11,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.artefacts.long_tables import Field, rows
+from qinit_cli.artefacts.kind import Field
+from qinit_cli.artefacts.long_tables import rows
 from qinit_cli.artefacts.named_arrays import NamedArray, arrays
 from qinit_cli.cells import separated
 from qinit_cli.errors import UsageError

@@ -7,13 +7,41 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
     from qinit_store.reading import Artefact
-    from qinit_store.schema import Axis, Column, Schema
+    from qinit_store.schema import Array, Axis, Column, Schema
 
 Settings = Mapping[str, Any]
+Picture = Literal["histogram", "heatmap", "curve"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column of a long table."""
+
+    name: str
+    dtype: str  # as numpy writes it; "str" for text
+    unit: str
+    long_name: str
+
+
+DIGEST = "task_digest"
+DIGEST_FIELD = Field(DIGEST, "str", "", "SHA-256 of the task's hashed columns")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An artefact in brief; numbers may be NaN where there is nothing to count."""
+
+    numbers: dict[str, int | float | str]
+    picture: Floats  # histogram: (n,); heatmap: the state axes; curve: (E,); () long where there is none
+    drawn: Picture = "curve"  # how
+    title: str = ""  # in words
+    label: str = ""  # of its axis
 
 
 class Kind(ABC):
@@ -22,6 +50,11 @@ class Kind(ABC):
     name: ClassVar[str]
     folder: ClassVar[str]  # in a store
     maker: ClassVar[str]  # the command that makes it
+    one: ClassVar[str]  # in a sentence, as "set of sources"
+    several: ClassVar[str]
+    counted: ClassVar[str]  # what its setting `tasks` counts
+    # the long tables, the default first, each led by the dataset that gives its axes
+    tables: ClassVar[Mapping[str, str]]
     table: ClassVar[str] = ""  # the column whose axes are states and actions; "" where it has none
     has_parameters: ClassVar[bool] = False  # whether what each task was drawn as stands there
     free: ClassVar[tuple[str, ...]] = ()  # columns that may have a task axis before the axes they must have
@@ -107,3 +140,23 @@ class Kind(ABC):
         return {
             "eopl": 1.0 + max(math.prod(axis.values.size for axis in states), drawn["learning"]["horizon"])
         }
+
+    @abstractmethod
+    def shown(self, artefact: Artefact) -> Shown:
+        """Numbers and picture, every task verified; memory is that of a block of tasks."""
+
+    def labels(self, spec: Settings) -> dict[str, str]:
+        """What tells the rows of several artefacts apart, beside their names."""
+        return {}
+
+    def derived_fields(self, table: str) -> list[Field]:
+        """Columns of a long table that are no datasets."""
+        return []
+
+    def needed(self, table: str) -> tuple[str, ...]:
+        """The datasets that the derived columns are made of."""
+        return ()
+
+    def derived(self, artefact: Artefact, table: str, block: Mapping[str, Array]) -> dict[str, Array]:
+        """The derived columns of a block of tasks by name, but for digests; there may be more than the table has."""
+        return {}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qinit_cli.artefacts.kind import DIGEST, Field
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
@@ -16,20 +17,6 @@ if TYPE_CHECKING:
 
 ROWS = 16_384  # of a long table in one piece
 
-# The tables of each kind, the default first, and the dataset that each is led by: it holds every dataset over the same axes.
-TABLES = {
-    "sources": {"tables": "q", "tasks": "solved", "curves": "curve_steps"},
-    "fit": {"state-actions": "mu", "states": "value_mean", "library": "library_q"},
-    "run": {
-        "episodes": "steps",
-        "targets": "seconds",
-        "start": "start",
-        "potential": "potential",
-        "evaluations": "eval_return",
-        "final": "q",
-    },
-    "tuning": {"averages": "average"},
-}
 OUR_TASK_COLUMNS = {
     "solved",
     "steps",
@@ -41,23 +28,12 @@ OUR_TASK_COLUMNS = {
     "moves",
     "frozen",
 }  # the others are what the task was drawn as
-DIGEST = "task_digest"
-
-
-@dataclass(frozen=True)
-class Field:
-    """One column of a long table."""
-
-    name: str
-    dtype: str  # as numpy writes it; "str" for text
-    unit: str
-    long_name: str
 
 
 def tables(artefact: Artefact) -> list[str]:
     """The names of the long tables that the artefact has."""
     there = {column.name for column in artefact.schema.columns}
-    return [name for name, lead in TABLES[artefact.kind].items() if lead in there]
+    return [name for name, lead in KINDS[artefact.kind].tables.items() if lead in there]
 
 
 def fields(artefact: Artefact, table: str) -> list[Field]:
@@ -83,7 +59,7 @@ def fields(artefact: Artefact, table: str) -> list[Field]:
         *named,
         *coordinates,
         *(known[column.name] for column in values),
-        *_derived_fields(artefact, table),
+        *KINDS[artefact.kind].derived_fields(table),
     ]
 
 
@@ -112,19 +88,15 @@ def rows(artefact: Artefact, table: str) -> Iterator[dict[str, Array]]:
 
 def layout(schema: Schema, table: str) -> tuple[tuple[str, ...], list[Column]]:
     """The axes of a long table and the datasets over exactly these, what tasks were drawn as apart."""
-    lead = TABLES[schema.kind].get(table)
+    lead = KINDS[schema.kind].tables.get(table)
     found = [column for column in schema.columns if column.name == lead]
     if not found:
         there = {column.name for column in schema.columns}
-        names = ", ".join(name for name, dataset in TABLES[schema.kind].items() if dataset in there)
-        raise NotAllowed(f"there is no table {table} in these {_plural(schema.kind)}; there is {names}")
+        names = ", ".join(name for name, dataset in KINDS[schema.kind].tables.items() if dataset in there)
+        raise NotAllowed(f"there is no table {table} in these {KINDS[schema.kind].folder}; there is {names}")
     dims = found[0].dims
     joined = [column for dim in dims for column in drawn(schema, dim)]
     return dims, [column for column in schema.columns if column.dims == dims and column not in joined]
-
-
-def _plural(kind: str) -> str:
-    return kind if kind.endswith("s") else f"{kind}s"
 
 
 def drawn(schema: Schema, dim: str) -> list[Column]:
@@ -138,8 +110,7 @@ def drawn(schema: Schema, dim: str) -> list[Column]:
 
 def _labels(artefact: Artefact) -> dict[str, str]:
     """What tells the rows of several artefacts apart."""
-    name = {"artefact": artefact.path.stem}
-    return name | {"method": artefact.spec["method"]["name"]} if artefact.kind == "run" else name
+    return {"artefact": artefact.path.stem, **KINDS[artefact.kind].labels(artefact.spec)}
 
 
 def texts(values: Array) -> Array:
@@ -156,60 +127,17 @@ def _blocks(
     if not names:
         yield 0, statics
         return
-    names += [name for name in _needed(artefact, table) if name not in names]
+    names += [name for name in (*KINDS[artefact.kind].needed(table), DIGEST) if name not in names]
     first = 0
     for block in artefact.blocks(names, artefact.schema.block_size):
         yield first, block | statics
         first += len(block["task"])
 
 
-def _needed(artefact: Artefact, table: str) -> tuple[str, ...]:
-    """The datasets that derived columns and digests are made of."""
-    if artefact.kind == "run" and table in ("episodes", "targets"):
-        return ("steps", "reached", DIGEST)
-    return (DIGEST,)
-
-
-def _derived_fields(artefact: Artefact, table: str) -> list[Field]:
-    """Columns that are no datasets: what episodes earn, and the digest of a task as text."""
-    earned = Field("return", "<f8", "1", "discounted return of the episode")
-    totals = [
-        Field("average_return", "<f8", "1", "mean discounted return over all episodes"),
-        Field("first_10", "<f8", "1", "the same over the first 10 episodes"),
-        Field("last_tenth", "<f8", "1", "the same over the last tenth of the episodes"),
-        Field("success", "<f8", "1", "share of episodes that reach the goal"),
-        Field("restricted_steps", "<f8", "step", "mean of the episodes' steps, at most the horizon"),
-    ]
-    digest = Field(DIGEST, "str", "", "SHA-256 of the task's hashed columns")
-    match artefact.kind, table:
-        case "run", "episodes":
-            return [earned]
-        case "run", "targets":
-            return [*totals, digest]
-        case "sources", "tasks":
-            return [digest]
-        case _:
-            return []
-
-
 def _derived(artefact: Artefact, table: str, block: dict[str, Array]) -> dict[str, Array]:
     """The derived columns of a block of tasks, over the axes of the table."""
-    from qinit_cli.analysis import returns
-
-    wanted = [field.name for field in _derived_fields(artefact, table)]
-    derived: dict[str, Array] = {}
-    if DIGEST in wanted:
-        derived[DIGEST] = np.array([row.tobytes().hex() for row in block[DIGEST]])
-    if artefact.kind == "run" and wanted:
-        learning = artefact.spec["learning"]
-        reached = block["reached"].astype(bool)
-        earned = returns.discounted_returns(block["steps"], reached, float(learning["gamma"]))
-        derived["return"] = earned
-        derived["average_return"] = returns.average(earned)
-        derived["first_10"] = returns.jumpstart(earned)
-        derived["last_tenth"] = returns.asymptotic(earned)
-        derived["success"] = reached.mean(axis=1)
-        derived["restricted_steps"] = returns.restricted_steps(block["steps"], int(learning["horizon"])).mean(
-            axis=1
-        )
-    return {name: derived[name] for name in wanted}
+    kind = KINDS[artefact.kind]
+    found = kind.derived(artefact, table, block)
+    if DIGEST in block:
+        found[DIGEST] = np.array([row.tobytes().hex() for row in block[DIGEST]])
+    return {field.name: found[field.name] for field in kind.derived_fields(table)}

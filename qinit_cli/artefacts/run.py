@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Shown
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
+
+SMOOTH = 20  # episodes averaged into each point of a curve, as plot does unless told otherwise
 
 
 class RunKind(Kind):
@@ -18,6 +21,15 @@ class RunKind(Kind):
     name = "run"
     folder = "runs"
     maker = "transfer"
+    one, several, counted = "run", "runs", "targets"
+    tables: ClassVar[Mapping[str, str]] = {
+        "episodes": "steps",
+        "targets": "seconds",
+        "start": "start",
+        "potential": "potential",
+        "evaluations": "eval_return",
+        "final": "q",
+    }
     table = "start"
     has_parameters = True
     free = ("start", "potential")
@@ -124,6 +136,79 @@ class RunKind(Kind):
             if column.name == "q":
                 return replace(column, low=-1 - ROUNDING, high=2 + ROUNDING)
         return super().within(column, artefact)
+
+    def shown(self, artefact: Artefact) -> Shown:
+        import numpy as np
+
+        from qinit_cli.analysis import returns
+
+        gamma, horizon = float(artefact.spec["learning"]["gamma"]), int(artefact.spec["learning"]["horizon"])
+        values = [
+            name
+            for name in ("v_star", "v_eps")
+            if name in {column.name for column in artefact.schema.task_columns}
+        ]
+        totals = dict.fromkeys(values, 0.0)
+        earned, reached, restricted = (np.zeros(artefact.schema.sizes["episode"]) for _ in range(3))
+        for block in artefact.blocks(("steps", "reached", *values), artefact.schema.block_size):
+            arrived = block["reached"].astype(bool)
+            earned += returns.discounted_returns(block["steps"], arrived, gamma).sum(axis=0)
+            reached += arrived.sum(axis=0)
+            restricted += returns.restricted_steps(block["steps"], horizon).sum(axis=0)
+            for name in values:
+                totals[name] += float(block[name].sum())
+        targets = artefact.task_count
+        if not targets:
+            return Shown({"targets": 0, "episodes": len(earned)}, np.empty(0))
+        curve = earned / targets
+        numbers: dict[str, int | float | str] = {
+            "targets": targets,
+            "episodes": len(curve),
+            "average_return": float(curve.mean()),
+            "first_10": float(returns.jumpstart(curve)),
+            "last_tenth": float(returns.asymptotic(curve)),
+            "success": float(reached.mean() / targets),
+            "restricted_steps": float(restricted.mean() / targets),
+            **{name: total / targets for name, total in totals.items()},
+        }
+        title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
+        return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
+
+    def labels(self, spec: Settings) -> dict[str, str]:
+        return {"method": spec["method"]["name"]}
+
+    def derived_fields(self, table: str) -> list[Field]:
+        earned = Field("return", "<f8", "1", "discounted return of the episode")
+        totals = [
+            Field("average_return", "<f8", "1", "mean discounted return over all episodes"),
+            Field("first_10", "<f8", "1", "the same over the first 10 episodes"),
+            Field("last_tenth", "<f8", "1", "the same over the last tenth of the episodes"),
+            Field("success", "<f8", "1", "share of episodes that reach the goal"),
+            Field("restricted_steps", "<f8", "step", "mean of the episodes' steps, at most the horizon"),
+        ]
+        return {"episodes": [earned], "targets": [*totals, DIGEST_FIELD]}.get(table, [])
+
+    def needed(self, table: str) -> tuple[str, ...]:
+        return ("steps", "reached") if table in ("episodes", "targets") else ()
+
+    def derived(self, artefact: Artefact, table: str, block: Mapping[str, Array]) -> dict[str, Array]:
+        from qinit_cli.analysis import returns
+
+        if not self.needed(table):
+            return {}
+        learning = artefact.spec["learning"]
+        reached = block["reached"].astype(bool)
+        earned = returns.discounted_returns(block["steps"], reached, float(learning["gamma"]))
+        return {
+            "return": earned,
+            "average_return": returns.average(earned),
+            "first_10": returns.jumpstart(earned),
+            "last_tenth": returns.asymptotic(earned),
+            "success": reached.mean(axis=1),
+            "restricted_steps": returns.restricted_steps(block["steps"], int(learning["horizon"])).mean(
+                axis=1
+            ),
+        }
 
 
 RUN = RunKind()

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Shown
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from qinit_cli.arrays import Floats, Tasks
     from qinit_cli.artefacts.kind import Settings
+    from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
+
+ERROR_TASKS = 100  # whose tables are set against exact ones
 
 
 class SourcesKind(Kind):
@@ -18,6 +25,8 @@ class SourcesKind(Kind):
     name = "sources"
     folder = "sources"
     maker = "train-sources"
+    one, several, counted = "set of sources", "sets of sources", "sources"
+    tables: ClassVar[Mapping[str, str]] = {"tables": "q", "tasks": "solved", "curves": "curve_steps"}
     table = "q"
     has_parameters = True
 
@@ -66,6 +75,60 @@ class SourcesKind(Kind):
             "curve_steps": learning.horizon,
             **self.longest_path(artefact),
         }
+
+    def shown(self, artefact: Artefact) -> Shown:
+        import numpy as np
+
+        from qinit_cli.artefacts.opening import family_in
+        from qinit_cli.elementary import ln
+        from qinit_cli.environments import FAMILIES
+        from qinit_cli.environments.family import relative_error
+
+        spec = artefact.spec
+        family = family_in(artefact) if spec["family"]["name"] in FAMILIES else None
+        compared = family is not None and family.tabular and spec["learner"] != "exact"
+        solved = steps = unvisited = not_positive = entries = 0
+        seconds = 0.0
+        start_values: list[Floats] = []
+        errors: list[Floats] = []
+        parameters = [] if family is None else [column.name for column in family.parameters()]
+        columns = ("q", "visits", "solved", "steps", "seconds", *parameters)
+        for block in artefact.blocks(columns, artefact.schema.block_size):
+            solved += int(block["solved"].sum())
+            steps += int(block["steps"].sum())
+            seconds += float(block["seconds"].sum())
+            unvisited += int((block["visits"] == 0).sum())
+            not_positive += int((block["q"] <= 0).sum())
+            entries += block["q"].size
+            if family is not None:
+                q = block["q"].reshape(len(block["q"]), -1, len(family.actions))
+                start_values.append(family.start_value(q))
+                room = ERROR_TASKS - len(errors)
+                if compared and room > 0:
+                    tasks = _tasks(family, block)[:room]
+                    errors += list(relative_error(family, spec["learning"]["gamma"], tasks, q[:room]))
+        numbers: dict[str, Any] = {
+            "tasks": artefact.task_count,
+            "solved": solved,
+            "steps": steps,
+            "seconds": seconds,
+        }
+        numbers |= {"entries": entries, "entries_not_positive": not_positive}
+        if spec["learner"] != "exact":
+            numbers["entries_never_visited"] = unvisited
+        if errors:
+            numbers |= _error_numbers(np.array(errors).reshape(len(errors), -1), artefact.tasks)
+        values = np.concatenate([np.empty(0), *start_values])
+        if len(values):
+            numbers |= {
+                "start_value_median": float(np.median(values)),
+                "start_value_zero": int((values <= 0).sum()),
+            }
+        title = "ln of the greedy value at the target start, over tasks"
+        return Shown(numbers, ln(values[values > 0]), "histogram", title, "ln Q")
+
+    def derived_fields(self, table: str) -> list[Field]:
+        return [DIGEST_FIELD] if table == "tasks" else []
 
 
 SOURCES = SourcesKind()
@@ -119,3 +182,29 @@ def sources_schema(
     )
     axes = (*state_axes, action, *([index("bin", bins)] if bins else []), digest_axis())
     return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
+
+
+def _tasks(family: Family, block: dict[str, Any]) -> Tasks:
+    import numpy as np
+
+    columns = family.parameters()
+    tasks = np.empty(len(block["task"]), dtype=np.dtype([(column.name, column.dtype) for column in columns]))
+    for column in columns:
+        tasks[column.name] = block[column.name]
+    return tasks
+
+
+def _error_numbers(errors: Floats, tasks: np.ndarray[Any, Any]) -> dict[str, int | float]:
+    """Relative errors against exact tables, (n, S * A), NaN where the exact value is 0."""
+    import numpy as np
+
+    medians = np.array([np.median(known) for row in errors if (known := row[np.isfinite(row)]).size])
+    if not medians.size:
+        return {}
+    worst = int(medians.argmax())
+    return {
+        "error_tasks": len(medians),
+        "median_relative_error": float(np.median(errors[np.isfinite(errors)])),
+        "worst_task": int(tasks[worst]),
+        "worst_median_relative_error": float(medians[worst]),
+    }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.artefacts.kind import Kind
+from qinit_cli.artefacts.kind import Kind, Shown
 from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ class TuningKind(Kind):
     name = "tuning"
     folder = "tunings"
     maker = "tune"
+    one, several, counted = "tuning", "tunings", "sources"
+    tables: ClassVar[Mapping[str, str]] = {"averages": "average"}
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
@@ -69,6 +72,27 @@ class TuningKind(Kind):
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         return tuning_schema(tuple(artefact.spec["grid"]), artefact.schema.sizes.get(CANDIDATE, 0)).columns
+
+    def shown(self, artefact: Artefact) -> Shown:
+        import numpy as np
+
+        from qinit_cli.artefacts.choice import Choice
+
+        choice = Choice.of(artefact)
+        best = choice.chosen
+        numbers: dict[str, int | float | str] = {
+            "sources": choice.sources,
+            "candidates": len(choice.candidates),
+            **best.parameters,
+            "average_return": best.average.value,
+            "difference": best.difference.value,
+            "difference_low": best.difference.low,
+            "difference_high": best.difference.high,
+            "worth": choice.worth.value,
+            "worth_low": choice.worth.low,
+            "worth_high": choice.worth.high,
+        }
+        return Shown(numbers, np.empty(0))
 
 
 TUNING = TuningKind()

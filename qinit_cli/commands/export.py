@@ -21,7 +21,7 @@ from qinit_cli.nearest import nearest
 from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:
-    from qinit_cli.artefacts.long_tables import Field
+    from qinit_cli.artefacts.kind import Field
     from qinit_store.reading import Artefact
 
 Format = Literal["csv", "parquet", "npz", "json"]
@@ -178,6 +178,7 @@ def _opened(paths: list[Path]):  # type: ignore[no-untyped-def]  # formats.Opene
 def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | None, list[Field]]:
     """The table and its columns; NotAllowed where the artefacts do not share them, UsageError where no kind has it."""
     from qinit_cli.artefacts import long_tables
+    from qinit_cli.artefacts.kind import Field
 
     _check_known(what)
     if format not in LONG:
@@ -187,7 +188,7 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
             if what is not None:
                 long_tables.fields(artefact, what)
         return what, []
-    table, fields, kind = "", list[long_tables.Field](), ""
+    table, fields, kind = "", list[Field](), ""
     for number, artefact in enumerate(_opened(paths)()):
         here = what or long_tables.tables(artefact)[0]
         columns = long_tables.fields(artefact, here)
@@ -206,9 +207,9 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
 
 
 def _check_known(what: str | None) -> None:
-    from qinit_cli.artefacts.long_tables import TABLES
+    from qinit_cli.artefacts.kinds import KINDS
 
-    names = [name for tables in TABLES.values() for name in tables]
+    names = [name for kind in KINDS.values() for name in kind.tables]
     if what is not None and what not in names:
         raise UsageError(f"--what {what}: {nearest(what, names)}")
 

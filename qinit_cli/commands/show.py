@@ -15,7 +15,7 @@ from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, TABULAR,
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from qinit_cli.artefacts.show import Shown
+    from qinit_cli.artefacts.kind import Shown
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis
 
@@ -38,7 +38,7 @@ def add_to(app: typer.Typer) -> None:
 
 def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
-    from qinit_cli.artefacts import show as stage
+    from qinit_cli.artefacts.kinds import KINDS
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
@@ -46,7 +46,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
     from qinit_cli.commands.tables import TableColumn, print_table
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
-        shown = stage.show(opened)
+        shown = KINDS[opened.kind].shown(opened)
         told = finite(_told(opened, shown))
         states = _states(opened)
         warnings = outdated(opened.spec)
@@ -56,7 +56,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
         case "table":
             terminal = _terminal(display)
             print_sections(told, terminal)
-            _print_picture(told["kind"], shown, states, terminal)
+            _print_picture(shown, states, terminal)
         case "json":
             print(json.dumps({"schema": SCHEMA, **told}, allow_nan=False))
         case _:
@@ -161,30 +161,26 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
     return [line for key, part in parts for line in flat(part, f"{above}.{key}" if above else str(key))]
 
 
-def _print_picture(kind: str, shown: Shown, states: list[Axis], terminal: Console) -> None:
+def _print_picture(shown: Shown, states: list[Axis], terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
-    from qinit_cli.artefacts.show import SMOOTH
     from qinit_cli.figures.terminal.curve import curve
     from qinit_cli.figures.terminal.heatmap import MapAxis, heatmap
     from qinit_cli.figures.terminal.histogram import histogram
     from qinit_cli.figures.terminal.sheet import Sheet
 
     sheet = Sheet.of(terminal)
-    match kind:
+    match shown.drawn:
         case _ if not shown.picture.size:
             return
-        case "sources":
-            title = "ln of the greedy value at the target start, over tasks"
-            lines = histogram(shown.picture, "ln Q", sheet)
-        case "run":
-            title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
-            lines = curve(shown.picture, 1, "episode", sheet)
+        case "histogram":
+            lines = histogram(shown.picture, shown.label, sheet)
+        case "curve":
+            lines = curve(shown.picture, 1, shown.label, sheet)
         case _:
             if len(states) != 2:
                 return  # a map has two axes
-            title = "log-normal median of Q, its largest over actions"
             rows, columns = (MapAxis(axis.name, [float(value) for value in axis.values]) for axis in states)
             lines = heatmap(shown.picture, rows, columns, sheet)
-    terminal.print(f"\n{title}", style="bold")
+    terminal.print(f"\n{shown.title}", style="bold")
     for line in lines:
         terminal.print(line, no_wrap=True, overflow="crop")

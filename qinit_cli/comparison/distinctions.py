@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.environments import label_of
 
 Spec = Mapping[str, Any]
@@ -21,7 +22,6 @@ ITSELF = ("learner", "estimator", "role")  # settings whose values need no name:
 RECORDED = ("keep_q", "evaluate_every")  # what a run keeps changes none of its numbers
 OF_METHOD, OF_RECORD, OF_SOURCES = "method", "recorded", "sources"  # how the keys of such settings begin
 THEIRS = "sources' "
-COUNTED = {"sources": "sources", "fit": "sources", "run": "targets", "tuning": "sources"}  # what `tasks` are
 
 
 def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -> Words:
@@ -89,7 +89,7 @@ def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
         yield f"{label} {name}", _word(name, value)
     for name, value in spec.items():
         if name not in APART:
-            noun = COUNTED.get(str(spec.get("kind")), name) if name == "tasks" else name
+            noun = KINDS[spec["kind"]].counted if name == "tasks" and spec.get("kind") in KINDS else name
             yield (
                 f"{OF_RECORD if name in RECORDED else within} {name}",
                 _word(noun, value, counted=name == "tasks"),

@@ -7,16 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.report import comparison, judged, origin, settings, tuned
 from qinit_cli.report.content import Block, Figure, Page, Pairs, Points, Section, Subheading, Text
 from qinit_store.wording import counted
-
-NAMES = {  # of the kinds, in the order of the pipeline: one, several
-    "sources": ("set of sources", "sets of sources"),
-    "fit": ("fit", "fits"),
-    "run": ("run", "runs"),
-    "tuning": ("tuning", "tunings"),
-}
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,9 @@ def _in_short(material: Material) -> list[Block]:
     found = [*claims, *compared] if material.of_claims else [*compared, *claims]
     found += [one["sentences"][0] for one in material.tuned]
     count = Counter(artefact["kind"] for artefact in material.artefacts)
-    rests = ", ".join(counted(count[kind], *names) for kind, names in NAMES.items() if count[kind])
+    rests = ", ".join(
+        counted(count[name], kind.one, kind.several) for name, kind in KINDS.items() if count[name]
+    )
     return [
         *([Points(found)] if found else []),
         *([Text(comparison.WORSE)] if any("worse" in said for said in found) else []),

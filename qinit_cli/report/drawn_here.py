@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.errors import NotAllowed
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
@@ -19,19 +19,16 @@ NAMED = 4  # distributions and methods that a sentence names; more are counted
 
 
 def material(paths: Sequence[Path], title: str | None, question: str | None, baseline: str) -> Material:
-    """What the page is made of, in the order sources, fits, runs, tunings; NotAllowed for a kind that no page shows."""
+    """What the page is made of, in the order sources, fits, runs, tunings."""
     from qinit_cli.comparison.runs import read_runs
     from qinit_cli.report.described import described
-    from qinit_cli.report.document import NAMES, Material
+    from qinit_cli.report.document import Material
     from qinit_cli.report.judged import UNJUDGED
     from qinit_cli.report.pictures import figures
     from qinit_cli.report.verdicts import judged
 
     artefacts = described(paths)
-    for path, told in artefacts.items():
-        if told["kind"] not in NAMES:
-            raise NotAllowed(f"{path} is a {told['kind']}, which no page shows; it shows {', '.join(NAMES)}")
-    kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in NAMES}
+    kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in KINDS}
     runs = read_runs(kinds["run"])
     drawn, undrawn = figures(kinds, runs)
     return Material(

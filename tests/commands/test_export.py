@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from qinit_cli.artefacts import long_tables, named_arrays
-from qinit_cli.artefacts.long_tables import TABLES
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_store.reading import open_artefact
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def test_sources_have_a_row_for_each_task_and_state_action(
         assert np.array_equal(frame["goal_row"].to_numpy(), np.repeat(file["goal_row"][...], 6 * 6 * 4))
 
 
-@pytest.mark.parametrize(("kind", "table"), [(kind, table) for kind in TABLES for table in TABLES[kind]])
+@pytest.mark.parametrize(("kind", "table"), [(kind, table) for kind in KINDS for table in KINDS[kind].tables])
 def test_every_table_reads_alike_from_csv_and_from_parquet(
     here: Callable[..., Ended], of: dict[str, Path], tmp_path: Path, kind: str, table: str
 ) -> None:
@@ -171,7 +171,7 @@ def test_without_pyarrow_parquet_is_refused_with_what_to_install(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("kind", list(TABLES))
+@pytest.mark.parametrize("kind", list(KINDS))
 @pytest.mark.parametrize("held", [0, named_arrays.HELD_BYTES])
 def test_npz_and_json_hold_every_array(
     here: Callable[..., Ended],
@@ -337,7 +337,7 @@ def test_a_closed_pipe_ends_silently(pipeline: Pipeline) -> None:
 def test_a_signal_leaves_no_piece_behind(pipeline: Pipeline, tmp_path: Path) -> None:
     script = (
         "import sys, time\n"
-        "from qinit_cli.commands import export_formats as formats\n"
+        "from qinit_cli.artefacts import formats\n"
         "def slow(file, *rest):\n"
         "    file.write('begun'); file.flush(); print('begun', flush=True); time.sleep(60)\n"
         "formats.write_csv = slow\n"
@@ -368,7 +368,7 @@ def test_pieces_are_bounded_whatever_the_artefact(
 
 def test_the_names_of_the_tables_are_those_in_the_help(here: Callable[..., Ended]) -> None:
     said = " ".join(re.sub(r"[│|]", " ", here("export", "--help").out).split())
-    for names in TABLES.values():
+    for names in (kind.tables for kind in KINDS.values()):
         assert ", ".join(names) in said
 
 

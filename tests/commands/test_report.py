@@ -87,17 +87,6 @@ def test_a_tuning_is_told_with_its_candidates_and_their_curve(
     ]  # the default is 10
 
 
-def test_a_kind_that_no_page_shows_is_refused_in_words(
-    here: Run, one: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from qinit_cli.report import document
-
-    monkeypatch.delitem(document.NAMES, "run")
-    ended = here("report", one)
-    assert ended.code == 4
-    assert "is a run, which no page shows; it shows sources, fit, tuning" in ended.err
-
-
 def test_a_page_of_runs_begins_with_what_was_compared_then_the_curves(
     here: Run, given: list[Path], tmp_path: Path
 ) -> None:
