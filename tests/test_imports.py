@@ -20,7 +20,7 @@ LAYERS = (
     ("qinit_cli.app",),
     ("qinit_cli.commands",),
     ("qinit_cli.report", "qinit_cli.paper"),
-    ("qinit_cli.pictures",),
+    ("qinit_cli.plots",),
     ("qinit_cli.library",),
     ("qinit_cli.pipeline", "qinit_cli.comparison"),
     ("qinit_cli.artefacts",),
@@ -117,25 +117,22 @@ def test_kernels_import_no_layer_above_them_and_no_store(module: str) -> None:
     others = (
         "qinit_cli.app",
         "qinit_cli.commands",
-        "qinit_cli.pictures",
+        "qinit_cli.plots",
         "qinit_cli.pipeline",
         "qinit_cli.methods",
         "qinit_cli.environments",
         "qinit_cli.analysis",
-        "qinit_cli.figures",
         "qinit_store",
     )
     assert not {name for name in _everything(module) if _under(name, others)}
 
 
-@pytest.mark.parametrize(
-    "module", [module for module in MODULES if _under(module, ("qinit_cli.analysis", "qinit_cli.figures"))]
-)
-def test_analysis_and_figures_know_no_commands_stages_or_files(module: str) -> None:
+@pytest.mark.parametrize("module", [module for module in MODULES if _under(module, ("qinit_cli.analysis",))])
+def test_analysis_knows_no_commands_stages_or_files(module: str) -> None:
     others = (
         "qinit_cli.app",
         "qinit_cli.commands",
-        "qinit_cli.pictures",
+        "qinit_cli.plots",
         "qinit_cli.pipeline",
         "qinit_store",
     )
@@ -151,12 +148,12 @@ def test_commands_and_typer_are_imported_by_commands_alone(module: str) -> None:
     assert not wanted
 
 
-def test_matplotlib_is_imported_by_figures_alone() -> None:
+def test_matplotlib_is_imported_by_plots_alone() -> None:
     users = {
         module
         for module in MODULES
         if any(_under(name, ("matplotlib",)) for name in _but_for_types(module))
-        and not _under(module, ("qinit_cli.figures",))
+        and not _under(module, ("qinit_cli.plots",))
     }
     assert not users
 

@@ -163,10 +163,10 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
 
 def _print_picture(shown: Shown, states: list[Axis], terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
-    from qinit_cli.figures.terminal.curve import curve
-    from qinit_cli.figures.terminal.heatmap import MapAxis, heatmap
-    from qinit_cli.figures.terminal.histogram import histogram
-    from qinit_cli.figures.terminal.sheet import Sheet
+    from qinit_cli.plots.terminal.curve import curve
+    from qinit_cli.plots.terminal.heatmap import MapAxis, heatmap
+    from qinit_cli.plots.terminal.histogram import histogram
+    from qinit_cli.plots.terminal.sheet import Sheet
 
     sheet = Sheet.of(terminal)
     match shown.drawn:

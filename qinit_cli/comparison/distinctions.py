@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.environments import label_of
 
 Spec = Mapping[str, Any]
 # settings such as "gamma 0.9" by a key; those of the same key are compared
@@ -84,6 +83,7 @@ def above_words(name: str, words: str) -> str:
 def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
     family = spec.get("family", {})
     within = family.get("name", "")
+
     label = label_of(spec) if family and labelled else f"{within} family"
     for name, value in _flat({key: part for key, part in family.items() if key != "name"}):
         yield f"{label} {name}", _word(name, value)
@@ -110,6 +110,7 @@ def _said_already(key: str, words: Words) -> bool:
 
 def _of_sources(fitted: Spec, targets: Any) -> Words:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
+
     found: Words = {}
     within = f"{OF_SOURCES} {fitted.get('family', {}).get('name', '')}"
     if "family" in fitted:

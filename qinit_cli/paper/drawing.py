@@ -16,12 +16,14 @@ from qinit_cli.paper.experiments import (
     PlannedTable,
     Shown,
 )
+from qinit_cli.plots import PLOTS, Frame
+from qinit_cli.plots.plot import RunsPlot
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from qinit_cli.comparison.runs import ComparedRun
-    from qinit_cli.figures.drawn import Drawn
+    from qinit_cli.plots.drawn import Drawn
 
 NOT_JUDGED = "not judged"
 KEPT = 200  # runs: a megabyte each at the paper's size
@@ -36,37 +38,10 @@ class Drawing:
 
     def picture(self, picture: PlannedPicture) -> Drawn:
         """The picture, at text width."""
-        from qinit_cli.figures.style import TEXT
-        from qinit_cli.pictures import (
-            bars,
-            car,
-            curves,
-            eopl,
-            heatmaps,
-            histograms,
-            normality,
-            occupancy,
-        )
-
-        paths = [self.paths[artefact] for artefact in picture.artefacts]
-        titled: dict[str, Any] = {"title": picture.title, "width": TEXT}
-        match picture.kind:
-            case "heatmaps":
-                return heatmaps.drawn(paths, **titled)
-            case "histograms":
-                return histograms.drawn(paths[0], **titled)
-            case "normality":
-                return normality.drawn(paths[0], **titled)
-            case "occupancy":
-                return occupancy.drawn(paths, **titled)
-            case "eopl":
-                return eopl.drawn(paths, **titled)
-            case "car":
-                return car.drawn(paths[0], **titled)
-            case "bars":
-                return bars.drawn(self.runs(picture.artefacts), **titled)
-            case "curves":
-                return curves.drawn(self.runs(picture.artefacts), **titled)
+        plot, frame = PLOTS[picture.kind](), Frame(picture.title)
+        if isinstance(plot, RunsPlot):
+            return plot.of_runs(self.runs(picture.artefacts), frame)
+        return plot.drawn([self.paths[artefact] for artefact in picture.artefacts], frame)
 
     def table(self, table: PlannedTable) -> dict[str, Any]:
         """What `qinit compare --format json` prints of these runs."""

@@ -12,7 +12,7 @@ from qinit_cli.output_file import OutputFile
 from qinit_cli.paper.manifest import MANIFEST, SCHEMA, entries_of
 
 if TYPE_CHECKING:
-    from qinit_cli.figures.drawn import PictureFile
+    from qinit_cli.plots.drawn import PictureFile
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Folder:
 
     def picture(self, name: str) -> PictureFile:
         """Where the picture of this name goes."""
-        from qinit_cli.figures.drawn import PictureFile
+        from qinit_cli.plots.drawn import PictureFile
 
         return PictureFile(self.path / name, "qinit reproduce", force=True)
 

@@ -21,6 +21,7 @@ NAMED = 4  # distributions and methods that a sentence names; more are counted
 def material(paths: Sequence[Path], title: str | None, question: str | None, baseline: str) -> Material:
     """What the page is made of, in the order sources, fits, runs, tunings."""
     from qinit_cli.comparison.runs import read_runs
+    from qinit_cli.plots.reported import Contents
     from qinit_cli.report.described import described
     from qinit_cli.report.document import Material
     from qinit_cli.report.judged import UNJUDGED
@@ -30,7 +31,7 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
     artefacts = described(paths)
     kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in KINDS}
     runs = read_runs(kinds["run"])
-    drawn, undrawn = figures(kinds, runs)
+    drawn, undrawn = figures(Contents(kinds, runs))
     return Material(
         title=title or _title(artefacts),
         question=question or _question(runs, baseline, tuned=bool(kinds["tuning"])),
@@ -72,7 +73,7 @@ def _compared(runs: list[ComparedRun], baseline: str) -> dict[str, Any]:
 def _title(artefacts: Described) -> str:
     """What the artefacts are of: families with their distributions, or how many of these there are."""
     from qinit_cli.environments import family_of
-    from qinit_cli.pictures.names import distribution
+    from qinit_cli.plots.names import distribution
 
     found: dict[str, dict[str, None]] = {}
     for told in artefacts.values():

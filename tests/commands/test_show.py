@@ -22,10 +22,10 @@ import h5py
 import numpy as np
 import pytest
 
-from qinit_cli.figures.terminal.curve import curve
-from qinit_cli.figures.terminal.heatmap import RAMP, MapAxis, heatmap
-from qinit_cli.figures.terminal.histogram import histogram
-from qinit_cli.figures.terminal.sheet import Sheet, labels, ticks
+from qinit_cli.plots.terminal.curve import curve
+from qinit_cli.plots.terminal.heatmap import RAMP, MapAxis, heatmap
+from qinit_cli.plots.terminal.histogram import histogram
+from qinit_cli.plots.terminal.sheet import Sheet, labels, ticks
 
 if TYPE_CHECKING:
     from running import Ended, Pipeline

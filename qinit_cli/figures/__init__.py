@@ -1,1 +1,0 @@
-"""Drawing, and nothing else: arrays in, a matplotlib figure out."""

@@ -1,0 +1,110 @@
+"""Source tasks of several artefacts by the distribution they are drawn from, each task once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qinit_cli.comparison.distinctions import above_words, distinctions
+from qinit_cli.plots.names import distribution
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Tasks
+    from qinit_cli.environments import Family
+    from qinit_store.reading import Artefact
+
+
+KEY = ("family", "learner", "learning")  # tasks that share these are of one distribution
+
+
+@dataclass
+class Distribution:
+    """All tasks of one distribution learned in one way, over the artefacts that hold them."""
+
+    family: Family
+    spec: dict[str, Any]  # of the first artefact
+    tasks: list[Tasks]  # their parameters, block by block
+    found: list[Any]  # what was read of them, block by block
+    sets: int  # artefacts that brought tasks
+
+    @property
+    def alike(self) -> bool:
+        """Whether all tasks are alike, so that what differs between their tables is learning."""
+        tasks = np.concatenate(self.tasks)
+        return len(tasks) > 0 and bool((tasks == tasks[0]).all())
+
+
+Read = Callable[["Family", "dict[str, Any]", "Tasks", "dict[str, Any]"], Any]
+
+
+def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> list[Distribution]:
+    """The tasks of sources by what they are drawn from and how they were learned, in order of appearance.
+
+    `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
+    """
+    from qinit_cli.artefacts.opening import family_in, open_artefact
+    from qinit_store.spec import canonical_json
+
+    found: dict[str, Distribution] = {}
+    seen: dict[str, set[bytes]] = {}
+    for path in paths:
+        with open_artefact(path, "sources") as artefact:
+            spec = artefact.spec
+            key = canonical_json({name: spec[name] for name in KEY})
+            one = found.setdefault(key, Distribution(family_in(artefact), spec, [], [], 0))
+            before = sum(map(len, one.tasks))
+            # equal rows of two seeds are two tasks: those of an exact learner can be
+            known = seen.setdefault(f"{key} {spec['seed']}", set())
+            for tasks, block in _unseen(artefact, one.family, columns, known):
+                one.tasks.append(tasks)
+                one.found.append(read(one.family, spec, tasks, block))
+            one.sets += sum(map(len, one.tasks)) > before
+    return list(found.values())
+
+
+def named(found: Sequence[Distribution]) -> list[str]:
+    """The name of each, above the settings that distinguish it from the others."""
+    words = distinctions([{name: one.spec[name] for name in KEY} for one in found])
+    return [above_words(distribution(one.family), own) for one, own in zip(found, words, strict=True)]
+
+
+def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> list[str]:
+    """What is to be said of those that were learned in another way than the first: it shows in their paths too."""
+    first = found[0].spec
+    said = []
+    for one, name in zip(found, names, strict=True):
+        settings = {"learner": one.spec["learner"], **one.spec["learning"]}
+        usual = {"learner": first["learner"], **first["learning"]}
+        other = [
+            f"{key} {value}, not {usual.get(key)}"
+            for key, value in settings.items()
+            if value != usual.get(key)
+        ]
+        if other:
+            said.append(
+                f"{name.splitlines()[0]} was learned otherwise than {names[0].splitlines()[0]}: {'; '.join(other)}"
+            )
+    return said
+
+
+def _unseen(
+    artefact: Artefact, family: Family, columns: Sequence[str], seen: set[bytes]
+) -> Iterator[tuple[Tasks, dict[str, Any]]]:
+    """The tasks that were not seen before and their columns, a block at a time."""
+    parameters = [(column.name, column.dtype) for column in family.parameters()]
+    first = 0
+    for block in artefact.blocks((*columns, *(name for name, _ in parameters)), artefact.schema.block_size):
+        digests = [row.tobytes() for row in artefact.digests[first : first + len(block["task"])]]
+        first += len(digests)
+        new = np.array([digest not in seen for digest in digests], np.bool_)
+        seen.update(digests)
+        if not new.any():
+            continue
+        tasks = np.empty(int(new.sum()), np.dtype(parameters))
+        for name, _ in parameters:
+            tasks[name] = block[name][new]
+        yield tasks, {name: block[name][new] for name in columns}
