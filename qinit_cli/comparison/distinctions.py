@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.environments import label_of
 
 Spec = Mapping[str, Any]
 # settings such as "gamma 0.9" by a key; those of the same key are compared
