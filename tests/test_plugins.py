@@ -146,6 +146,14 @@ def test_pictures_draw_it_as_it_says(made: Made) -> None:
     assert "#123456" in (made.folder / "curves.svg").read_text().lower()
 
 
+def test_a_plot_of_its_own_is_drawn_as_ours_are(made: Made) -> None:
+    ended = made.with_it("plot", "effort", made.sources, "--log", "-o", "effort.svg")
+    assert (ended.returncode, ended.stdout) == (0, "effort.svg\n"), ended.stderr
+    assert "Steps of 5 sources" in (made.folder / "effort.svg").read_text()
+    assert "Draw steps on a logarithmic axis." in made.with_it("plot", "effort", "-h").stdout
+    assert made.without("plot", "effort", made.sources).returncode == 2
+
+
 def test_verdicts_pass_over_what_no_claim_is_about(made: Made) -> None:
     ended = made.with_it("verdicts", *made.runs.splitlines(), made.hopeful, "--json")
     assert ended.returncode == 0, ended.stderr
@@ -282,5 +290,5 @@ def test_the_page_about_plug_ins_shows_the_example_as_it_is() -> None:
         path.read_text().rstrip()
         for path in (EXAMPLE / "pyproject.toml", *EXAMPLE.rglob("qinit_corridor/*.py"))
     ]
-    assert len(shown) == 5
+    assert len(shown) == 6
     assert [block for block in shown if block not in files] == []
