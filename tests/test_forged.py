@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from forging import LIBVER, forge, give, put, settle
+from forging import LIBVER, forge, give, mend, put, settle
 from running import SMALL_SOURCES, Ended, Pipeline, run_here
 
 SOURCES = [
@@ -161,6 +161,7 @@ SETTINGS: dict[str, Callable[[dict[str, Any]], Any]] = {
     "episodes beside those of the curve": lambda spec: spec["learning"].update(episodes=7),
     "a horizon of true": lambda spec: spec["learning"].update(horizon=True),
     "a negative seed": lambda spec: spec.update(seed=-1),
+    "more tasks than an artefact holds": lambda spec: spec.update(tasks=2**63 - 1),
     "no number of tasks": lambda spec: spec.update(tasks="many"),
     "fewer tasks than there are": lambda spec: spec.update(tasks=2),
     "an unknown learner": lambda spec: spec.update(learner="magic"),
@@ -190,6 +191,43 @@ def test_settings_of_a_run_are_checked_before_they_name_it(
     for command in (("plot", "lifetime", path, "-o", "x.png"), ("compare", path), ("show", path)):
         ended = here(*command)
         assert (ended.code, "--size is 'x'" in ended.err) == (6, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda spec: spec.update(holdout=3), "holdout is 3; a fit of 4 sources keeps at least 2"),
+        (lambda spec: spec.update(inputs=["x"]), "no list of one content hash"),
+        (lambda spec: spec["sources"].update(tasks=2**63 - 1), "tasks is 9223372036854775807"),
+    ],
+)
+def test_settings_of_a_fit_that_cannot_be_are_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, change: Callable[[Any], Any], told: str
+) -> None:
+    path = settle(pipeline.fit, tmp_path / "forged.h5", change)
+    for command in (("show", path), ("verify", path, "--format", "json")):
+        ended = here(*command)
+        assert (ended.code, told in ended.out + ended.err) == (6, True)
+
+
+@pytest.mark.parametrize("name", ["curve_steps", "curve_reached"])
+def test_sources_without_a_column_that_their_settings_make_are_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, name: str
+) -> None:
+    path = Path(shutil.copy(pipeline.sources, tmp_path / "forged.h5"))
+    with h5py.File(path, "r+", libver=LIBVER) as file:
+        del file[name]
+    mend(path)
+    ended = here("show", path)
+    assert (ended.code, f"it lacks {name}" in ended.err) == (6, True)
+
+
+def test_a_run_without_the_tables_that_its_settings_keep_is_refused(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    path = settle(pipeline.runs["zero"], tmp_path / "forged.h5", lambda spec: spec.update(keep_q=True))
+    ended = here("compare", path)
+    assert (ended.code, "it lacks q" in ended.err) == (6, True)
 
 
 @pytest.mark.parametrize(

@@ -41,10 +41,10 @@ class FitKind(Kind):
             {"algorithm_version": int, "inputs": list, "sources": dict, "estimator": str},
             {**options, "initialisations": list},
         )
-        settings.texts(told, "inputs", count=1)
+        settings.made_from(told)
         settings.texts(told, "initialisations")
-        settings.built(FitOptions, {name: told[name] for name in options if name in told}, "the fit")
         SOURCES.check_settings(told["sources"])
+        settings.fitted({name: told[name] for name in options if name in told}, told["sources"]["tasks"])
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return fit_schema(states, action, 1).columns

@@ -99,6 +99,10 @@ class Kind(ABC):
         """The settings by which its tasks were drawn."""
         return dict(spec)
 
+    def asked(self, spec: Settings) -> tuple[str, ...]:
+        """The columns that these settings ask for, beside those that every artefact of the kind has."""
+        return ()
+
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         """The length of each index, as the settings make it."""
         return {}

@@ -133,7 +133,11 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
         axes += [*family.axes(), action_axis(family)]
     _check_scales(artefact)
     parameters = family.parameters() if family is not None and kind.has_parameters else ()
-    names = {*(column.name for column in parameters), *artefact.spec.get("grid", ())}
+    names = {
+        *(column.name for column in parameters),
+        *artefact.spec.get("grid", ()),
+        *kind.asked(artefact.spec),
+    }
     if lacking := names - {column.name for column in artefact.schema.columns}:
         raise ValueError(f"it lacks {min(lacking)}")
     if artefact.tasks.size and "tasks" in artefact.spec and artefact.tasks[-1] >= artefact.spec["tasks"]:

@@ -36,7 +36,6 @@ class RunKind(Kind):
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
-        from qinit_cli.fitted import FitOptions
 
         told = settings.of(
             spec,
@@ -55,18 +54,17 @@ class RunKind(Kind):
         )
         settings.family(told["family"])
         settings.learning(told["learning"])
-        settings.texts(told, "inputs", count=1)
-        settings.at_least(told, tasks=1, seed=0, evaluate_every=0)
+        settings.made_from(told)
+        settings.counted(told)
+        settings.at_least(told, evaluate_every=0)
         settings.method(told["method"])
         fitted = {"estimator": object, "library": object, "holdout": object, "exclude_unlearned": object}
         drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
         source_set = settings.of(told["source_set"], "the source set", drawn, fitted)
-        settings.built(
-            FitOptions,
-            {name: source_set[name] for name in fitted if name in source_set},
-            "the source set's fit",
-        )
         settings.drawn(source_set)
+        settings.fitted(
+            {name: source_set[name] for name in fitted if name in source_set}, source_set["tasks"]
+        )
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return run_schema(
@@ -90,6 +88,11 @@ class RunKind(Kind):
                 else "steps, reached or task_digest"
             )
         return super().lack(schema, part=part)
+
+    def asked(self, spec: Settings) -> tuple[str, ...]:
+        tables = ("q",) if spec.get("keep_q") else ()
+        evaluated = ("eval_return", "eval_reached", "eval_steps") if spec.get("evaluate_every") else ()
+        return (*tables, *evaluated)
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         from qinit_cli.artefacts import settings

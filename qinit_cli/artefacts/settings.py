@@ -7,6 +7,7 @@ a default; an unknown one is refused.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -15,10 +16,13 @@ from qinit_cli.errors import QinitError
 from qinit_cli.fields import is_of
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
+from qinit_store.guard import MOST_TASKS
 
 Settings = Mapping[str, Any]
 Made = TypeVar("Made")
 
+CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
+LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 LEARNERS, ROLES = ("q-learning", "exact"), ("source", "target")
 EXACT = {
     "epsilon": 0.0,
@@ -60,7 +64,25 @@ def drawn(told: Settings) -> None:
     among("learner", told["learner"], LEARNERS)
     family(told["family"])
     learning(told["learning"], told["learner"])
+    counted(told)
+
+
+def counted(told: Settings) -> None:
+    """ValueError where there can be no such number of tasks in an artefact, or no such seed."""
     at_least(told, tasks=1, seed=0)
+    if told["tasks"] > MOST_TASKS:
+        raise ValueError(f"tasks is {told['tasks']}; an artefact holds {MOST_TASKS} at most")
+
+
+def fitted(told: Settings, tasks: int) -> None:
+    """ValueError where `tasks` sources cannot be fitted with these options."""
+    from qinit_cli.fitted import FitOptions
+
+    options = built(FitOptions, told, "the fit")
+    if options.holdout > tasks - LEAST_FITTED:
+        raise ValueError(
+            f"holdout is {options.holdout}; a fit of {tasks} sources keeps at least {LEAST_FITTED}"
+        )
 
 
 def method(told: Any, tuned: Iterable[str] = ()) -> None:
@@ -139,10 +161,15 @@ def at_least(settings: Settings, **least: int) -> None:
             raise ValueError(f"{name} is {settings[name]}; it must be at least {low}")
 
 
-def texts(settings: Settings, name: str, count: int | None = None) -> None:
-    """ValueError where a setting is no list of texts, or not of so many."""
+def texts(settings: Settings, name: str) -> None:
+    """ValueError where a setting is no list of texts."""
     texts = settings.get(name, [])
-    if not all(isinstance(one, str) for one in texts) or (count is not None and len(texts) != count):
-        raise ValueError(
-            f"{name} is {texts!r}, {'no list of texts' if count is None else f'no list of {count} text'}"
-        )
+    if not all(isinstance(one, str) for one in texts):
+        raise ValueError(f"{name} is {texts!r}, no list of texts")
+
+
+def made_from(settings: Settings) -> None:
+    """ValueError where the input is not one content hash."""
+    inputs = settings["inputs"]
+    if len(inputs) != 1 or not isinstance(inputs[0], str) or not CONTENT.fullmatch(inputs[0]):
+        raise ValueError(f"inputs is {inputs!r}, no list of one content hash")

@@ -52,6 +52,9 @@ class SourcesKind(Kind):
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return sources_schema(states, action, (), 0).columns
 
+    def asked(self, spec: Settings) -> tuple[str, ...]:
+        return () if spec["learner"] == "exact" else ("curve_steps", "curve_reached")
+
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         from qinit_cli.artefacts import settings
         from qinit_cli.learning import curve_bins

@@ -49,8 +49,8 @@ class TuningKind(Kind):
                 raise ValueError(f"the values tried of {name} are no list of numbers")
         settings.family(told["family"])
         settings.learning(told["learning"])
-        settings.texts(told, "inputs", count=1)
-        settings.at_least(told, tasks=1, seed=0)
+        settings.made_from(told)
+        settings.counted(told)
         settings.method(told["method"], tuned=told["grid"])
         SOURCES.check_settings(told["sources"])
 
