@@ -91,7 +91,8 @@ class RunKind(Kind):
 
     def asked(self, spec: Settings) -> tuple[str, ...]:
         tables = ("q",) if spec.get("keep_q") else ()
-        evaluated = ("eval_return", "eval_reached", "eval_steps") if spec.get("evaluate_every") else ()
+        # an earlier version kept no steps of evaluations
+        evaluated = ("eval_return", "eval_reached") if spec.get("evaluate_every") else ()
         return (*tables, *evaluated)
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
