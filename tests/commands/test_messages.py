@@ -95,7 +95,7 @@ def test_a_misspelled_name_is_a_usage_error_that_comes_with_the_nearest(
         ("--tasks 0", "--tasks is 0; it must be at least 1"),
         ("--episodes 0", "--episodes is 0"),
         ("--seed -3", "--seed is -3; it must be at least 0"),
-        ("--jobs 0", "--jobs is 0; it must be at least 1"),
+        ("--jobs 0", "--jobs is 0; it must be from 1 to 1024"),
         ("--epsilon nan", "--epsilon is nan; it must be a finite number"),
         ("--learner exact --episodes 5", "exact learner has no episodes"),
         ("--learner exact --start fixed", "--start means nothing to it"),
