@@ -5,15 +5,13 @@
 What the library offers is in qinit_cli.library, and loaded when it is first used.
 """
 
-from __future__ import annotations
-
 import sys
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
 
-from qinit_cli.artefacts import kinds as kinds  # the store learns of ours
-
+# `python -m qinit_cli` loads this before the current folder is off the path, where a typing.py may lie: sys is built in
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from qinit_cli.library import (
         compare,
         families,
@@ -28,6 +26,8 @@ if TYPE_CHECKING:
     )
     from qinit_cli.pipeline.reporter import Reporter
     from qinit_store.catalog import Store
+else:
+    ModuleType = type(sys)
 
 __version__ = "0.1.0"
 __all__ = [
@@ -49,14 +49,14 @@ __all__ = [
 class _Library(ModuleType):
     """The package, whose public names come from qinit_cli.library when they are first used."""
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from qinit_cli import library
 
         return getattr(library, name)
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         # the import system would put the package qinit_cli.methods in the place of the methods by name
         if name != "methods":
             super().__setattr__(name, value)

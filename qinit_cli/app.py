@@ -10,6 +10,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from qinit_cli import __version__, configuration, signals, streams
+from qinit_cli import artefacts as artefacts  # the store learns of our kinds
 from qinit_cli.commands import (
     bench,
     compare,
