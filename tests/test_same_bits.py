@@ -19,7 +19,7 @@ from qinit_cli.analysis.weighted_sums import weighted_sums
 
 PACKAGE = Path(elementary.__file__).parent
 # pictures are drawn by matplotlib, which makes no such promise, and benchmarks print times
-EXEMPT = ("figures", "pictures", "benchmarks")
+EXEMPT = ("plots", "benchmarks")
 BLAS = {
     "convolve", "corrcoef", "correlate", "cov", "dot", "inner", "linalg", "matmul", "tensordot", "vdot", "vecdot"
 }  # fmt: skip

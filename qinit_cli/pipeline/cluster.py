@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 SCHEDULER_SECONDS = 5.0  # that a scheduler may take to answer
+VERSION_SECONDS = 30.0  # that the workers may take to say what they have installed: they import it for that
 WORKER_SECONDS = 10.0  # that the first worker may take to appear
 CLOSE_SECONDS = (
     2.0  # that workers may take to hand in what they have once a signal came, and the client to close
@@ -130,7 +131,7 @@ def connected(place: str) -> Iterator[Client]:
         ) from error
     try:
         _asked(address, WORKER_SECONDS + SCHEDULER_SECONDS, partial(_expect_workers, client, address))
-        _asked(address, SCHEDULER_SECONDS, partial(_refuse_other_versions, client))
+        _asked(address, VERSION_SECONDS, partial(_refuse_other_versions, client))
         yield client
     finally:
         with suppress(OSError, RuntimeError):  # a scheduler that is gone cannot be told good-bye

@@ -225,6 +225,7 @@ def test_where_no_scheduler_answers_one_sentence_says_so(
     here: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "SCHEDULER_SECONDS", 0.3)
+    monkeypatch.setattr(cluster, "VERSION_SECONDS", 0.3)
     ended = here("train-sources", "gridworld", "--dask", "tcp://127.0.0.1:9")
     [sentence] = ended.err.splitlines()
     assert (ended.code, ended.out) == (7, "")
@@ -543,6 +544,7 @@ def test_what_accepts_and_is_no_scheduler_ends_after_the_promised_time(
     words: bytes, here: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "SCHEDULER_SECONDS", 0.3)
+    monkeypatch.setattr(cluster, "VERSION_SECONDS", 0.3)
     with contextlib.contextmanager(_talking)(words) as address:
         began = time.monotonic()
         ended = here("train-sources", "gridworld", "--dask", address)
