@@ -13,6 +13,14 @@ from running import QINIT, SMALL_SOURCES, Ended, Pipeline, run_here
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
 
 
+LONGEST = ("test_the_readme_works_as_it_stands", "test_every_command_of_the_page_on_gymnasium_works")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Puts the longest tests first: begun last, one worker would still be at them when the others are done."""
+    items.sort(key=lambda item: item.name not in LONGEST)
+
+
 @pytest.fixture(autouse=True)
 def plain_surroundings(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
     """No option comes from the environment or the configuration of whoever runs the tests."""

@@ -35,13 +35,6 @@ def _blocks(language: str, page: Path = README) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    """The folder in which every shell block ran, one after the other in one shell, and how that ended."""
-    folder = tmp_path_factory.mktemp("readme")
-    return folder, _run(_blocks("sh"), folder, tmp_path_factory.mktemp("bin"))
-
-
 def _run(blocks: list[str], folder: Path, found_first: Path) -> subprocess.CompletedProcess[str]:
     stand_in = found_first / "qinit"
     stand_in.write_text(STAND_IN)
@@ -72,29 +65,21 @@ def test_the_readme_shows_commands() -> None:
         assert f"qinit {stage}" in commands
 
 
-def test_every_command_of_the_readme_works(ran: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
-    _, ended = ran
+def test_the_readme_works_as_it_stands(tmp_path_factory: pytest.TempPathFactory) -> None:
+    # one test: two would be two workers' work, and each would run every command
+    folder = tmp_path_factory.mktemp("readme")
+    ended = _run(_blocks("sh"), folder, tmp_path_factory.mktemp("bin"))
     assert ended.returncode == 0, ended.stderr
     assert "logqinit-median" in ended.stdout
-
-
-def test_the_readmes_pictures_are_drawn(ran: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
-    folder, _ = ran
     pictures = {path.name for path in folder.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
     assert {name for block in _blocks("sh") for name in re.findall(r"\S+\.png", block)} == pictures
     assert pictures
-
-
-def test_the_readmes_python_reads_what_its_commands_made(
-    ran: tuple[Path, subprocess.CompletedProcess[str]],
-) -> None:
-    folder, _ = ran
     for block in _blocks("python"):
-        ended = subprocess.run(
+        shown = subprocess.run(
             [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, timeout=600
         )
-        assert ended.returncode == 0, ended.stderr
-        assert ended.stdout.strip()
+        assert shown.returncode == 0, shown.stderr
+        assert shown.stdout.strip()
 
 
 def test_every_exit_code_of_the_contract_is_explained() -> None:
