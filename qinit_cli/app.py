@@ -27,9 +27,9 @@ from qinit_cli.commands import (
     verdicts,
     verify,
 )
-from qinit_cli.commands.build import add_later, debugging, option_names
+from qinit_cli.commands.console import say
 from qinit_cli.commands.help import SETTINGS, Commands, HelpAll
-from qinit_cli.commands.messages import say
+from qinit_cli.commands.typer_commands import add_later, debugging, option_names
 from qinit_cli.errors import Interrupted, QinitError, UsageError
 from qinit_store.errors import StoreError, SystemFailed
 from qinit_store.wording import printable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
-from qinit_cli.fields import is_of
+from qinit_cli.options import is_of
 
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
@@ -14,12 +14,12 @@ Start = Literal["anywhere", "fixed"]
 
 
 @dataclass(frozen=True)
-class Learning:
+class QLearning:
     """Epsilon-greedy tabular Q-learning with a constant step size."""
 
     alpha: float  # step size
     gamma: float  # discount
-    epsilon: float  # chance that a step explores
+    epsilon: float  # probability that a step explores
     episodes: int
     horizon: int  # steps after which an episode is cut off
     start: Start  # where episodes start: anywhere in the family's states, or at the target start
@@ -44,7 +44,7 @@ class Learning:
             raise ValueError(f"start is {self.start!r}; it is one of {', '.join(get_args(Start))}")
 
 
-def curve_bins(learner: str, learning: Learning) -> int:
+def curve_bins(learner: str, learning: QLearning) -> int:
     """Bins of a source's learning curve; 0 for the exact learner, which has none."""
     return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
 

@@ -32,14 +32,15 @@ from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.fields import options, tunable
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS, Method
-from qinit_cli.pipeline import fitting, rehearsal, tuning
+from qinit_cli.options import options, tunable
+from qinit_cli.pipeline import cross_validation as validation
+from qinit_cli.pipeline import fitting, tuning
 from qinit_cli.pipeline import lifelong as lifetimes
 from qinit_cli.pipeline import sources as source_tasks
 from qinit_cli.pipeline import transfer as target_tasks
-from qinit_cli.pipeline.asked import LearningSources, LearningTargets, Living, Rehearsing
+from qinit_cli.pipeline.asked import CrossValidating, LearningSources, LearningTargets, Living
 from qinit_cli.pipeline.job import Made, Plan, make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.knowledge import Knowledge
@@ -464,9 +465,9 @@ def tune(
     values = {name: values[name] for name in known if name in values}
     if not values:
         raise UsageError(f"{chosen.name} has no parameters to choose; give a grid")
-    asked = _asked(Rehearsing, episodes=episodes, jobs=jobs)
+    asked = _asked(CrossValidating, episodes=episodes, jobs=jobs)
     with open_artefact(source, "sources") as artefact:
-        plan = rehearsal.plan_for(artefact, chosen, values, asked)
+        plan = validation.plan_for(artefact, chosen, values, asked)
         words = ["tune", chosen.name, _told(source)]
         for name, several in values.items():
             words += [f"--{name.replace('_', '-')}", ",".join(f"{value:g}" for value in several)]

@@ -2,7 +2,7 @@
 
 Every stream is `SeedSequence(seed, spawn_key=(stream, index))`, so that what a task meets depends on the root seed, the kind
 of stream and the task's index alone: not on the number of jobs, the order of work or what ran before. Target streams leave
-the method out: every method meets the same target tasks, starts and dice, and methods are compared in pairs.
+the method out: every method meets the same target tasks, starts and random streams, and methods are compared in pairs.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from qinit_cli.environments.family import Family, draw_tasks
-from qinit_cli.learning import Learning, curve_bins
+from qinit_cli.learning import QLearning, curve_bins
 from qinit_cli.methods.targets import Targets
 from qinit_cli.seeding import Stream
 
@@ -23,10 +23,10 @@ MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a lo
 
 @dataclass(frozen=True)
 class SourceStreams:
-    """Where the chance of a task that is learned to the end comes from."""
+    """Where the probability of a task that is learned to the end comes from."""
 
     task: Stream
-    dice: Stream
+    rng: Stream
     start: Stream
     world: Stream
 
@@ -46,7 +46,7 @@ class SourceTasks:
 
     family: Family
     learner: Learner
-    learning: Learning
+    learning: QLearning
     seed: int
     role: Role = "source"
 
@@ -66,7 +66,7 @@ class TargetStreams:
     """Which streams a task that is learned as a target is drawn from."""
 
     task: Stream
-    dice: Stream
+    rng: Stream
     start: Stream
     evaluation: Stream
     choice: Stream
@@ -81,8 +81,8 @@ TARGETS = TargetStreams(
     Stream.TARGET_CHOICE,
     Stream.TARGET_WORLD,
 )
-# sources in the place of targets: what is chosen by them has seen no target and none of the targets' dice
-STAND_INS = TargetStreams(
+# sources in the place of targets: what is chosen by them has seen no target and none of the targets' random streams
+VALIDATION = TargetStreams(
     Stream.SOURCE_TASK,
     Stream.TUNING_DICE,
     Stream.TUNING_START,
@@ -97,7 +97,7 @@ class TargetTasks:
     """Which target tasks, how they are learned, and what is kept of them."""
 
     family: Family
-    learning: Learning
+    learning: QLearning
     seed: int
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none

@@ -32,13 +32,13 @@ WHOLE = (-(2**31), -5, -2, 7, 36, 1_000_000, 2**31 - 1)
 
 def forge(sound: Path, path: Path, seed: int) -> str:
     """Writes at `path` the artefact at `sound` with what the seed draws changed, its digests made to hold; what was changed."""
-    chance = random.Random(seed)
+    probability = random.Random(seed)
     shutil.copy(sound, path)
-    change = chance.choices(
+    change = probability.choices(
         (_setting, _column, _provenance, _inputs, _attribute, _axis, _removed), (8, 8, 1, 1, 1, 2, 1)
     )[0]
     with h5py.File(path, "r+", libver=LIBVER) as file:
-        told = change(file, chance)
+        told = change(file, probability)
     mend(path)
     return told
 
@@ -98,31 +98,35 @@ def _sha(text: str) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
-def _setting(file: Any, chance: random.Random) -> str:
+def _setting(file: Any, probability: random.Random) -> str:
     spec = json.loads(file.attrs["spec_json"])
     places = list(_places(spec))
-    above, key, path = chance.choice(places)
-    return _changed(file, "spec_json", spec, above, key, path, chance)
+    above, key, path = probability.choice(places)
+    return _changed(file, "spec_json", spec, above, key, path, probability)
 
 
-def _changed(file: Any, name: str, whole: Any, above: Any, key: Any, path: str, chance: random.Random) -> str:
-    match chance.randrange(6):
+def _changed(
+    file: Any, name: str, whole: Any, above: Any, key: Any, path: str, probability: random.Random
+) -> str:
+    match probability.randrange(6):
         case 0:
             del above[key]
             told = f"{path} removed"
         case 1 if isinstance(above, dict):
-            above[chance.choice(("extra", "name", "kind", "size"))] = chance.choice((*NUMBERS, *OTHERS))
+            above[probability.choice(("extra", "name", "kind", "size"))] = probability.choice(
+                (*NUMBERS, *OTHERS)
+            )
             told = f"something added beside {path}"
         case 2:
-            above[key] = chance.choice(NUMBERS)
+            above[key] = probability.choice(NUMBERS)
             told = f"{path} = {above[key]!r}"
         case 3:
-            raw = chance.choice(RAW)
+            raw = probability.choice(RAW)
             above[key] = "@raw@"
             give(file, name, json.dumps(whole).replace('"@raw@"', raw))
             return f"{path} = {raw[:20]}"
         case _:
-            above[key] = chance.choice((*NUMBERS, *OTHERS))
+            above[key] = probability.choice((*NUMBERS, *OTHERS))
             told = f"{path} = {above[key]!r}"
     give(file, name, json.dumps(whole, sort_keys=True, separators=(",", ":")))
     return f"{name}: {told}"
@@ -135,17 +139,17 @@ def _places(value: Any, path: str = "") -> Iterator[tuple[Any, Any, str]]:
         yield from _places(inner, f"{path}.{key}")
 
 
-def _column(file: Any, chance: random.Random) -> str:
+def _column(file: Any, probability: random.Random) -> str:
     names = [
         name for name in file if name != TASK_DIGEST and file[name].size and not _is_axis(file[name], name)
     ]
-    dataset = file[chance.choice(names)]
+    dataset = file[probability.choice(names)]
     values = dataset[...]
-    value = chance.choice(REALS if values.dtype.kind == "f" else WHOLE)
+    value = probability.choice(REALS if values.dtype.kind == "f" else WHOLE)
     with np.errstate(all="ignore"):
         cast = np.array(value).astype(values.dtype)
-    where = tuple(chance.randrange(length) for length in values.shape)
-    values[... if chance.random() < 0.3 else where] = cast
+    where = tuple(probability.randrange(length) for length in values.shape)
+    values[... if probability.random() < 0.3 else where] = cast
     dataset[...] = values
     return f"{dataset.name}{list(where)} = {cast}"
 
@@ -154,35 +158,37 @@ def _is_axis(dataset: Any, name: str) -> bool:
     return dataset.attrs.get("dims") == name.encode()
 
 
-def _axis(file: Any, chance: random.Random) -> str:
+def _axis(file: Any, probability: random.Random) -> str:
     names = [name for name in file if _is_axis(file[name], name) and file[name].size]
-    dataset = file[chance.choice(names)]
+    dataset = file[probability.choice(names)]
     values = dataset[...]
     if values.dtype.kind == "S":
-        values[0] = chance.choice((b"\xff", b"", b"up"))
+        values[0] = probability.choice((b"\xff", b"", b"up"))
     else:
-        value = chance.choice(REALS if values.dtype.kind == "f" else WHOLE)
+        value = probability.choice(REALS if values.dtype.kind == "f" else WHOLE)
         with np.errstate(all="ignore"):
-            values[chance.randrange(values.size)] = np.array(value).astype(values.dtype)
+            values[probability.randrange(values.size)] = np.array(value).astype(values.dtype)
     dataset[...] = values
     return f"axis {dataset.name} = {values[:6]}"
 
 
-def _provenance(file: Any, chance: random.Random) -> str:
+def _provenance(file: Any, probability: random.Random) -> str:
     whole = json.loads(file.attrs["provenance_json"])
-    key = chance.choice(list(whole))
-    return _changed(file, "provenance_json", whole, whole, key, f".{key}", chance)
+    key = probability.choice(list(whole))
+    return _changed(file, "provenance_json", whole, whole, key, f".{key}", probability)
 
 
-def _inputs(file: Any, chance: random.Random) -> str:
-    raw = chance.choice(("[]", "{}", "[1]", '[{"role":1}]', '[{"role":"fit","name":"x"}]', "null", "NaN"))
+def _inputs(file: Any, probability: random.Random) -> str:
+    raw = probability.choice(
+        ("[]", "{}", "[1]", '[{"role":1}]', '[{"role":"fit","name":"x"}]', "null", "NaN")
+    )
     give(file, "inputs_json", raw)
     return f"inputs = {raw}"
 
 
-def _attribute(file: Any, chance: random.Random) -> str:
-    name = chance.choice(list(file.attrs))
-    value = chance.choice(
+def _attribute(file: Any, probability: random.Random) -> str:
+    name = probability.choice(list(file.attrs))
+    value = probability.choice(
         (np.int64(-1), np.int64(2**62), np.float64(math.nan), np.float64(math.inf), "", "x")
     )
     if isinstance(value, str):
@@ -192,7 +198,7 @@ def _attribute(file: Any, chance: random.Random) -> str:
     return f"attribute {name} = {value!r}"
 
 
-def _removed(file: Any, chance: random.Random) -> str:
-    name = chance.choice([name for name in file if not _is_axis(file[name], name)])
+def _removed(file: Any, probability: random.Random) -> str:
+    name = probability.choice([name for name in file if not _is_axis(file[name], name)])
     del file[name]
     return f"{name} removed"

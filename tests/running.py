@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import io
+import json
 import os
 import pty
 import struct
@@ -33,6 +34,12 @@ class Ended:
         """The artefact's path, which must be all that is on stdout."""
         [line] = self.out.splitlines()
         return Path(line)
+
+    @property
+    def json(self) -> Any:
+        """The one document on stdout; where there is none the failure shows what the command printed instead."""
+        assert self.out, f"exit {self.code}: {self.err}"
+        return json.loads(self.out)
 
 
 def run_here(arguments: Sequence[str], stdin: str = "") -> Ended:

@@ -88,15 +88,15 @@ def tally(
     commands: Sequence[Sequence[str]], folder: Path, times: int, seconds: tuple[float, float], seed: int
 ) -> tuple[Counter[str], list[Ended]]:
     """How so many commands ended, by kind, and those that broke the promise."""
-    chance = random.Random(seed)
+    probability = random.Random(seed)
     counts: Counter[str] = Counter()
     faults = []
     for _ in range(times):
         ended = interrupted(
-            chance.choice(commands),
+            probability.choice(commands),
             folder,
-            chance.choice((signal.SIGINT, signal.SIGTERM)),
-            chance.uniform(*seconds),
+            probability.choice((signal.SIGINT, signal.SIGTERM)),
+            probability.uniform(*seconds),
         )
         counts[ended.kind] += 1
         if ended.kind not in ("kept", "done", "python"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ EPISODES, HORIZON = 20_000, 100
 def test_bench_tells_both_figures_and_their_ratio(what: str, here: Run) -> None:
     ended = here("bench", "--what", what, "--repeat", "1", "--quick", "--json")
     assert ended.code == 0, ended.err
-    told = json.loads(ended.out)
+    told = ended.json
     assert told["schema"] == "qinit.bench/1"
     assert {"processor", "cores", "load", "python", "numba", "c_compiler"} <= told["machine"].keys()
     assert told["rows"]
@@ -48,7 +47,7 @@ def test_kernels_of_both_families_are_raced_and_without_a_c_compiler_bench_says_
     ended = here("bench", "--what", "kernels", "--repeat", "1", "--quick", "--json")
     assert ended.code == 0
     assert "nothing is compared with C" in ended.err
-    told = json.loads(ended.out)
+    told = ended.json
     assert told["machine"]["c_compiler"] is None
     assert {row["other"] for row in told["rows"]} == {"plain Numba"}
     assert {row["case"] for row in told["rows"]} == {

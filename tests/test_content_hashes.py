@@ -5,7 +5,6 @@ A hash that is changed on purpose is changed here, in the commit that says why.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -182,7 +181,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         filled = [word.format_map(_Paths(folder)) for word in words]
         ended = run_here([*filled, "-o", str(folder / f"{name}.h5"), "--store", str(folder), "--json", "-q"])
         assert ended.code in (0, 3), (name, ended.err)
-        found[name] = json.loads(ended.out)["digest"]
+        found[name] = ended.json["digest"]
     return found
 
 

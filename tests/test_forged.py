@@ -56,10 +56,10 @@ def test_verify_names_such_a_task_and_salvage_leaves_it_out(
     path = put(pipeline.sources, tmp_path / "forged.h5", "q", (2, 0, 0, 0), math.nan)
     verified = here("verify", path, "--format", "json")
     assert verified.code == 6
-    [row] = json.loads(verified.out)["rows"]
+    [row] = verified.json["rows"]
     assert (row["state"], row["damaged_tasks"]) == ("damaged", "2")
     salvaged = here("salvage", path, "-o", "kept.h5", "--json")
-    assert json.loads(salvaged.out)["lost"] == [2]
+    assert salvaged.json["lost"] == [2]
 
 
 def test_growing_takes_no_such_task_over(
@@ -71,7 +71,7 @@ def test_growing_takes_no_such_task_over(
     grown = here("train-sources", *more, "--store", "store", "--json")
     assert grown.code == 0
     assert "nothing is taken over" in grown.err
-    assert json.loads(grown.out)["skipped"] == 0
+    assert grown.json["skipped"] == 0
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_one_odd_file_does_not_stop_a_store(
         give(file, name, raw)
     listed = here("list", "--store", store, "--format", "json")
     assert listed.code == 0
-    states = {row["name"]: row["state"] for row in json.loads(listed.out)["rows"]}
+    states = {row["name"]: row["state"] for row in listed.json["rows"]}
     assert states.pop("odd") in ("damaged", "done")
     assert set(states.values()) == {"done"}
     trained = here(
@@ -312,10 +312,10 @@ def _commands(kind: str, path: str) -> list[list[str]]:
 
 def _try_forgeries(sound: list[tuple[str, Path]], folder: Path, seeds: range) -> None:
     for seed in seeds:
-        chance = random.Random(seed)
-        kind, artefact = chance.choice(sound)
+        rng = random.Random(seed)
+        kind, artefact = rng.choice(sound)
         told = forge(artefact, folder / "forged.h5", seed)
-        arguments = chance.choice(_commands(kind, str(folder / "forged.h5")))
+        arguments = rng.choice(_commands(kind, str(folder / "forged.h5")))
         code, err = _ends(arguments)
         assert code in (0, 2, 4, 6), f"seed {seed}, {told}: {arguments} ended with {code}, {err}"
 

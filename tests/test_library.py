@@ -21,8 +21,8 @@ import qinit_cli as qinit
 from qinit_cli import library
 from qinit_cli.environments import FAMILIES
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.fields import tunable
 from qinit_cli.methods import METHODS
+from qinit_cli.options import tunable
 from qinit_store.errors import NotFound
 
 FAMILY = {
@@ -43,7 +43,7 @@ WORDS = {
 
 def digest(ended: Ended) -> str:
     assert ended.code == 0, ended.err
-    return str(json.loads(ended.out)["digest"])
+    return str(ended.json["digest"])
 
 
 @pytest.fixture(scope="module")
@@ -187,7 +187,7 @@ def test_a_comparison_has_the_rows_of_the_command(here: Callable[..., Ended], fi
         qinit.transfer(method, fit, tasks=4, episodes=8, store=store)
     paths = [str(path) for path in sorted(Path().glob("store*/runs/*.h5"))]
     told = here("compare", *paths, "--json")
-    assert json.loads(told.out)["rows"] == json.loads(json.dumps(rows))
+    assert told.json["rows"] == json.loads(json.dumps(rows))
     frame = qinit.compare(runs).to_pandas()
     assert frame["method"].tolist() == ["zero", "mean"]
     averages = [float(run.returns().mean()) for run in runs]

@@ -227,18 +227,18 @@ from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.watch import Watch
-from qinit_cli.kernels.dice import lane_seeds, seeds
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.random_streams import lane_seeds, seeds
+from qinit_cli.learning import QLearning
 from qinit_cli.seeding import Stream
 from qinit_cli.pipeline.sources import sequences
 
 family, some = FAMILIES["corridor"](length=9), np.arange(3)
 tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, some)
 own = sequences(0, Stream.SOURCE_WORLD, some)
-chance = LaneStreams(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
-learning = Learning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
+probability = LaneStreams(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
+learning = QLearning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
 by_step, by_table = (
-    learn(worlds, learning, Start(np.zeros((9, 2))), chance, Records(1), Watch())
+    learn(worlds, learning, Start(np.zeros((9, 2))), probability, Records(1), Watch())
     for worlds in (family.worlds(tasks, own), family.tables(tasks).worlds(seeds(own)))
 )
 print(np.array_equal(by_step.q, by_table.q), int(by_step.step_count.sum()))

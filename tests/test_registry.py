@@ -13,11 +13,11 @@ from typing import Any, ClassVar
 import pytest
 import typer
 
-from qinit_cli.commands.build import add_command, add_each
 from qinit_cli.commands.option_groups import Group
+from qinit_cli.commands.typer_commands import add_command, add_each
 from qinit_cli.environments import FAMILIES, family_of
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.registry import COMPLETING, Registry
 
 Install = Callable[..., None]

@@ -42,7 +42,7 @@ def improvements(method: Floats, baseline: Floats) -> Floats:
 
 
 def probability_of_improvement(method: Floats, baseline: Floats) -> float:
-    """Chance that `method` (R, T) beats `baseline` (R', T) on a target drawn at random, over all pairs of runs.
+    """Probability that `method` (R, T) beats `baseline` (R', T) on a target drawn at random, over all pairs of runs.
 
     Ties count half. One run of each: the share of targets on which the method is better.
     """

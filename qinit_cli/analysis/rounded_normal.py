@@ -55,13 +55,13 @@ def _bootstrap_p(ordered: Floats, rng: np.random.Generator, resamples: int) -> F
     weight = weights(n)
     observed = lack_of_fit(ordered, weight)
     centre, deviation = rounded_parameters(ordered.mean(axis=1), ordered.var(axis=1))
-    # the same normal dice for every cell: rounding keeps their order, so they are sorted once
-    dice = np.sort(rng.standard_normal((resamples, n)), axis=1)
+    # the same normal draws for every cell: rounding keeps their order, so they are sorted once
+    draws = np.sort(rng.standard_normal((resamples, n)), axis=1)
     as_bad = np.zeros(cells)
     block = max(1, _VALUES_AT_ONCE // (resamples * n))
     for first in range(0, cells, block):
         part = slice(first, first + block)
-        drawn = np.rint(centre[part, None, None] + deviation[part, None, None] * dice)
+        drawn = np.rint(centre[part, None, None] + deviation[part, None, None] * draws)
         as_bad[part] = np.count_nonzero(
             _lack_of_whole(drawn, weight) >= observed[part, None] * (1 - 1e-9), axis=1
         )

@@ -65,7 +65,7 @@ class ValueSample:
         return np.asarray(ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25)))
 
     def band(self, level: float = LEVEL) -> tuple[Floats, Floats]:
-        """Where each of n ordered draws of the fitted normal falls with chance `level`, low and high, (n,) each.
+        """Where each of n ordered draws of the fitted normal falls with probability `level`, low and high, (n,) each.
 
         Pointwise, by the beta distribution of order statistics, as if mu and sigma were known.
         """

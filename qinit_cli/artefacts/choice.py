@@ -13,8 +13,8 @@ import numpy as np
 
 from qinit_cli.analysis.intervals import Estimate, over_targets
 from qinit_cli.environments import label_of
-from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS
+from qinit_cli.options import flag, options
 from qinit_cli.seeding import Stream, generator
 from qinit_store.wording import shell_line
 

@@ -7,7 +7,7 @@ import numpy as np
 from qinit_store.schema import TASK, Axis, Column, digest_column
 
 LONGEST = 1e10  # seconds of a task: three hundred years
-ROUNDING = 1e-6  # by which sums of chances and repeated steps may leave [0, 1]
+ROUNDING = 1e-6  # by which sums of probabilities and repeated steps may leave [0, 1]
 
 
 def kept() -> tuple[Column, ...]:

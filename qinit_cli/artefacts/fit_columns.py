@@ -96,7 +96,7 @@ def _held_out() -> list[Column]:
 
 
 def _theory(dims: tuple[str, ...]) -> list[Column]:
-    forms = (("product", "gamma^H times the path's chance"), ("length", "gamma^(H-1)"))
+    forms = (("product", "gamma^H times the path's probability"), ("length", "gamma^(H-1)"))
     predictions = [
         Column(f"theory_{form}_{name}", dims, "f8", long_name=f"{text}, {words}", **ANYTHING)
         for form, words in forms

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import QinitError
-from qinit_cli.fields import is_of
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.methods import METHODS
+from qinit_cli.options import is_of
 from qinit_store.guard import MOST_TASKS
 
 Settings = Mapping[str, Any]
@@ -38,12 +38,12 @@ def family(told: Any) -> Family | None:
     return built(FAMILIES[name], settings, f"the family {name}") if name in FAMILIES else None
 
 
-def learning(told: Any, learner: str = "q-learning") -> Learning:
+def learning(told: Any, learner: str = "q-learning") -> QLearning:
     """How tasks were learned; for the exact learner with stand-ins for the settings that it does not have."""
     settings = _object(told, "learning")
     if learner == "exact":
         settings = EXACT | of(settings, "learning", {"alpha": float, "gamma": float, "horizon": int})
-    return built(Learning, settings, "learning")
+    return built(QLearning, settings, "learning")
 
 
 def built(kind: Callable[..., Made], settings: Settings, what: str) -> Made:

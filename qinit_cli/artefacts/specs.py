@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.registry import PLUG_IN
@@ -40,7 +40,7 @@ def sources(tasks: SourceTasks, count: int) -> Spec:
     }
 
 
-def exact_learning(learning: Learning) -> Spec:
+def exact_learning(learning: QLearning) -> Spec:
     """The settings that mean something to the exact learner; alpha is kept for the transfer that follows."""
     return {name: value for name, value in asdict(learning).items() if name in ("alpha", "gamma", "horizon")}
 

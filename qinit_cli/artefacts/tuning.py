@@ -27,7 +27,7 @@ class TuningKind(Kind):
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
-        from qinit_cli.fields import is_of
+        from qinit_cli.options import is_of
 
         told = settings.of(
             spec,

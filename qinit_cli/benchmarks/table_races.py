@@ -49,17 +49,17 @@ def policy_iteration(size: int, goal: int, p: float, gamma: float) -> Floats:
 
     cells, slip = size * size, (1 - p) / 3
     moves = _moves(size)
-    chances = np.full((cells, 4, 4), slip)  # of each way, by action
-    chances[:, np.arange(4), np.arange(4)] = p
-    chances[goal] = 0.0
-    reward = (chances * (moves == goal)[:, None, :]).sum(axis=2)
+    probabilities = np.full((cells, 4, 4), slip)  # of each way, by action
+    probabilities[:, np.arange(4), np.arange(4)] = p
+    probabilities[goal] = 0.0
+    reward = (probabilities * (moves == goal)[:, None, :]).sum(axis=2)
     every, policy = np.arange(cells), np.zeros(cells, np.int64)
     while True:
-        chosen = chances[every, policy].ravel()
+        chosen = probabilities[every, policy].ravel()
         step = csc_matrix((chosen, (np.repeat(every, 4), moves.ravel())), shape=(cells, cells))
         value = spsolve(identity(cells, format="csc") - gamma * step, reward[every, policy])
         value[goal] = 0.0
-        q: Floats = reward + gamma * (chances * value[moves][:, None, :]).sum(axis=2)
+        q: Floats = reward + gamma * (probabilities * value[moves][:, None, :]).sum(axis=2)
         better = q.max(axis=1) > q[every, policy] + 1e-13  # else equals take turns for ever
         if not better.any():
             return q

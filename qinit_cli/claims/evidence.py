@@ -45,7 +45,7 @@ class LengthTests:
 class Maps:
     """What initialisations start from in one source set, the largest over actions, over a grid."""
 
-    chances: Floats  # (rows, columns) that the goal is there
+    probabilities: Floats  # (rows, columns) that the goal is there
     starts: Mapping[str, Floats]  # by method, (rows, columns)
 
 

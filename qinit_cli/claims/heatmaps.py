@@ -1,7 +1,7 @@
 """C3: do the initial tables look like the goals?
 
 A table's map is its largest value over the actions of each state. "Follows": the rank correlation (Spearman) over the states
-of LogQInit-median's map with the chance that the goal is there; it follows where the interval over source sets lies at .9 or
+of LogQInit-median's map with the probability that the goal is there; it follows where the interval over source sets lies at .9 or
 above. "Wider", at the two largest variances, as the paper says it of high ones: UCOI's share of states above half of its own
 peak, less LogQInit-median's. "Irregular", but for variance 1, where the paper saw none: how many more local maxima MaxQInit's
 map has (states above all of their eight neighbours; a smooth bump has one); and that their number grows with the variance, by
@@ -28,7 +28,7 @@ MAPPED = MEDIAN, UCOI, MAXQINIT = "logqinit-median", "ucoi", "maxqinit"
 FOLLOWS = 0.9  # rank correlation from which a map follows the goals
 HIGH = VARIANCES[-2:]  # variances at which UCOI's map is said to be wider
 
-CORRELATION = "rank correlation with the goals' chance"
+CORRELATION = "rank correlation with the goals' probability"
 WIDER = f"share of states above half the peak, {UCOI} minus {MEDIAN}"
 IRREGULAR = f"local maxima, {MAXQINIT} minus {MEDIAN}"
 ALL = "all variances"
@@ -40,7 +40,7 @@ def findings(evidence: Evidence) -> Iterator[Finding]:
     for setting, sets in evidence.maps.items():
         if setting.family != GRIDWORLD:
             continue
-        if np.ptp(sets[0].chances) > 0 and setting.distribution in VARIANCES:
+        if np.ptp(sets[0].probabilities) > 0 and setting.distribution in VARIANCES:
             yield from _correlations(setting, sets)
         yield from _widths(setting, sets)
         yield from _maxima(setting, sets)
@@ -79,7 +79,9 @@ def rank_correlation(first: Floats, second: Floats) -> float:
 def _correlations(setting: Setting, sets: Sequence[Maps]) -> Iterator[Finding]:
     for method in (MEDIAN, UCOI, MAXQINIT):
         found = over_sets.mean(
-            np.array([rank_correlation(one.starts[method].ravel(), one.chances.ravel()) for one in sets])
+            np.array(
+                [rank_correlation(one.starts[method].ravel(), one.probabilities.ravel()) for one in sets]
+            )
         )
         follows = _least(found) >= FOLLOWS if method == MEDIAN else None
         yield Finding(setting, f"{CORRELATION}, {method}", found, follows)
@@ -141,7 +143,7 @@ CLAIM = Claim(
     statement="LogQInit's initial values follow the distribution of the goals, UCOI's are wider at high variance, and MaxQInit's "
     "are irregular, the more so the larger the variance.",
     source="section 7.1.2, Figure 4",
-    statistic="rank correlation of LogQInit-median's initial values with the goals' chance; area above half the peak; "
+    statistic="rank correlation of LogQInit-median's initial values with the goals' probability; area above half the peak; "
     "number of local maxima",
     aspects="which of the three is asked",
     needs=(

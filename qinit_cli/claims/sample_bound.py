@@ -1,7 +1,7 @@
 """C13: can MaxQInit's 4754 samples be derived?
 
 The bound is m >= ln(delta) / ln(1 - p_min) (Abel et al., 2018), and the paper gives neither. It can be derived with a
-distribution where one of the usual chances of failure leads to 4754 with the probability of its least likely goal. What
+distribution where one of the usual probabilities of failure leads to 4754 with the probability of its least likely goal. What
 decides is the delta that 4754 would need, (1 - p_min)^4754: nothing is measured, and no artefact is needed.
 
 Rows tell the reverse too: of how many equally likely tasks each usual delta would make 4754 the bound.
@@ -19,9 +19,9 @@ from qinit_cli.claims.over_sets import OverSets
 from qinit_cli.claims.setting import GRIDWORLD, UNIFORM, VARIANCES, Setting
 
 STATED = 4754  # samples
-USUAL = (0.1, 0.05, 0.01, 0.005, 0.001)  # chances of failure
+USUAL = (0.1, 0.05, 0.01, 0.005, 0.001)  # probabilities of failure
 CELLS = 900  # of the paper's grid; uniform goals are drawn from all of them
-NEEDED = f"chance of failure that leads to {STATED}"
+NEEDED = f"probability of failure that leads to {STATED}"
 
 
 def findings(evidence: Evidence) -> Iterator[Finding]:
@@ -32,12 +32,12 @@ def findings(evidence: Evidence) -> Iterator[Finding]:
     for delta in USUAL:
         yield Finding(
             uniform,
-            f"samples for chance of failure {delta:g}",
+            f"samples for probability of failure {delta:g}",
             OverSets(tasks_for_one_target(1 / CELLS, delta)),
         )
         yield Finding(
             uniform,
-            f"equally likely tasks that chance of failure {delta:g} takes {STATED} samples for",
+            f"equally likely tasks that probability of failure {delta:g} takes {STATED} samples for",
             OverSets(_tasks(delta)),
         )
     for distribution, least in _least_chances().items():
@@ -54,13 +54,13 @@ def _tasks(delta: float) -> float:
 
 
 def _least_chances() -> dict[str, float]:
-    """The chance of the least likely cell to be the goal, by the paper's distributions with normal goals."""
+    """The probability of the least likely cell to be the goal, by the paper's distributions with normal goals."""
     from qinit_cli.environments.gridworld import Gridworld
 
     least = {}
     for distribution in VARIANCES:
-        chances = Gridworld(variance=float(distribution.split()[1])).goal_chances()
-        least[distribution] = float(chances[chances > 0].min())
+        probabilities = Gridworld(variance=float(distribution.split()[1])).goal_chances()
+        least[distribution] = float(probabilities[probabilities > 0].min())
     return least
 
 
@@ -68,7 +68,7 @@ CLAIM = Claim(
     name="C13",
     statement=f"MaxQInit would need {STATED} samples.",
     source="section 7.1.2",
-    statistic=f"chance of failure with which ln(delta)/ln(1 - p_min) is {STATED}, p_min the least likely goal's; "
+    statistic=f"probability of failure with which ln(delta)/ln(1 - p_min) is {STATED}, p_min the least likely goal's; "
     "it is derived where that is one of .1, .05, .01, .005, .001",
     aspects="how goals are counted",
     needs=((UNIFORM, NEEDED), *((distribution, NEEDED) for distribution in VARIANCES)),

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from qinit_cli import cores
-from qinit_cli.commands.build import add_command
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
-from qinit_cli.fields import check, option
+from qinit_cli.commands.typer_commands import add_command
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     import ctypes

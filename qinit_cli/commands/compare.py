@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
-from qinit_cli.fields import check, option
+from qinit_cli.commands.typer_commands import Reference, add_command
+from qinit_cli.options import check, option
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from typing import Any
 import typer
 
 from qinit_cli import configuration
-from qinit_cli.commands.build import add_command, option_names, walk
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
-from qinit_cli.fields import option
+from qinit_cli.commands.typer_commands import add_command, option_names, walk
+from qinit_cli.options import option
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import Any
 import typer
 
 from qinit_cli import __version__, cores
-from qinit_cli.commands.build import add_command
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.typer_commands import add_command
 from qinit_store.errors import SystemFailed
 
 

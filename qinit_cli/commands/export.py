@@ -12,12 +12,12 @@ from typing import IO, TYPE_CHECKING, Literal, cast, get_args
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, READING, Display, Group, Reading
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fields import check, option
 from qinit_cli.nearest import nearest
+from qinit_cli.options import check, option
 from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:

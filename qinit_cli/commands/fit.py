@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.option_groups import (
     DISPLAY,
     IMPORTS,
@@ -17,6 +16,7 @@ from qinit_cli.commands.option_groups import (
     OnePass,
     Output,
 )
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.fitted import FitOptions
 from qinit_store.wording import counted
 
@@ -42,8 +42,8 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.artefacts.fit_findings import findings
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
+    from qinit_cli.commands.console import Printed
     from qinit_cli.commands.fit_statistics import lines
-    from qinit_cli.commands.messages import Printed
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_fit
     from qinit_cli.pipeline.estimate import Expected

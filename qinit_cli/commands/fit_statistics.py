@@ -85,7 +85,7 @@ def _held_out(found: Findings) -> Iterator[str]:
 
 def _theory(found: Findings) -> Iterator[str]:
     yield f"ln Q as path lengths predict it, medians over {found['compared']} state-actions:"
-    names = {"product": "gamma^H times the path's chance", "length": "gamma^(H-1)"}
+    names = {"product": "gamma^H times the path's probability", "length": "gamma^(H-1)"}
     rows = [
         (
             names[form["form"]],

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command, add_each
-from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.console import Printed, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Group, Output
 from qinit_cli.commands.transfer import learning_group, transfer
+from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.errors import UsageError
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.pipeline.asked import LearningTargets, Living

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_store.wording import counted
 
 SHARE = re.compile(r"-share-\d+-of-\d+")

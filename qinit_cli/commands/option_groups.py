@@ -14,7 +14,7 @@ import typer
 
 from qinit_cli import cores
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, flag, help_of, option, options
+from qinit_cli.options import check, flag, help_of, option, options
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 

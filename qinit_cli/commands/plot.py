@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from qinit_cli.commands import references
-from qinit_cli.commands.build import Reference, add_command, add_each
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
-from qinit_cli.fields import check, option
+from qinit_cli.commands.typer_commands import Reference, add_command, add_each
+from qinit_cli.options import check, option
 from qinit_cli.plots import PLOTS, Frame, Plot
 from qinit_cli.plots.plot import Width
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.output_file import OutputFile
 
 if TYPE_CHECKING:

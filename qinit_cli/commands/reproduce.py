@@ -11,10 +11,10 @@ from typing import Literal
 import typer
 
 from qinit_cli import cores
-from qinit_cli.commands.build import add_command
-from qinit_cli.commands.messages import Printed, print_path
+from qinit_cli.commands.console import Printed, print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
-from qinit_cli.fields import check, option
+from qinit_cli.commands.typer_commands import add_command
+from qinit_cli.options import check, option
 from qinit_cli.paper.experiments import TARGETS
 
 SHOWS = {

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import Display, Output
 from qinit_cli.errors import TasksFailed
 from qinit_store.wording import counted, magnitude, plain

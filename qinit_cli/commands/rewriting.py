@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import Display, Group, store_option
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import option
+from qinit_cli.options import option
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import sys
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.option_groups import DISPLAY, Display
 from qinit_cli.commands.rewriting import REWRITING, Rewriting
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_store.wording import counted, first_few, shell_line
 
 

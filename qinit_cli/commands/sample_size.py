@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import typer
 
-from qinit_cli.commands.build import add_command
 from qinit_cli.commands.option_groups import DISPLAY, TABULAR, Display, Group, Tabular
+from qinit_cli.commands.typer_commands import add_command
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Sampling:
     """What must be sampled, and how surely."""
 
     p_min: float = option(0.01, "Probability of the least likely task.", above=0, high=1)
-    delta: float = option(0.05, "Chance that it is missed after all.", above=0, below=1)
+    delta: float = option(0.05, "Probability that it is missed after all.", above=0, below=1)
     targets: int | None = option(
         None, "How many tasks must all be sampled.", low=1, default_text="as many as p-min allows, 1 / p-min"
     )

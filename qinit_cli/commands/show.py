@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import console, note
+from qinit_cli.commands.console import console, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.typer_commands import Reference, add_command
 
 if TYPE_CHECKING:
     from rich.console import Console

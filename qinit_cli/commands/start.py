@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command, add_each
-from qinit_cli.commands.messages import note, print_path
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
+from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import option
 from qinit_cli.methods import METHODS, Method
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.starts import StartTable

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.cells import markdown, separated
-from qinit_cli.commands.messages import console
+from qinit_cli.commands.console import console
 from qinit_cli.commands.option_groups import Display, Tabular
 from qinit_store.wording import printable
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import add_command, add_each
-from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.console import Printed, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Group, Output
+from qinit_cli.commands.typer_commands import add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
 from qinit_cli.pipeline.asked import LearningSources

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command, add_each
-from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.console import Printed, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Group, Output
+from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.fields import option, tunable
 from qinit_cli.methods import METHODS, Initial, Method
+from qinit_cli.options import option, tunable
 from qinit_cli.pipeline.asked import FROM_SOURCES, LearningTargets
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, noun, plain
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables
-    from qinit_cli.learning import Learning
+    from qinit_cli.learning import QLearning
     from qinit_cli.pipeline.job import Plan, Tally
     from qinit_cli.tasks import TargetTasks
 
@@ -145,7 +145,7 @@ def transfer(
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
 
-def _say_overrides(learning: Learning, sources: dict[str, Any], display: Display) -> None:
+def _say_overrides(learning: QLearning, sources: dict[str, Any], display: Display) -> None:
     for name in FROM_SOURCES:
         if getattr(learning, name) != sources[name]:
             note(

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command, add_each
-from qinit_cli.commands.messages import Printed, note
+from qinit_cli.commands.console import Printed, note
 from qinit_cli.commands.option_groups import (
     DISPLAY,
     IMPORTS,
@@ -24,17 +23,18 @@ from qinit_cli.commands.option_groups import (
     Tabular,
     store_option,
 )
+from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.errors import TasksFailed, UsageError
-from qinit_cli.fields import flag, help_of, numbers, option, options, tunable
 from qinit_cli.methods import METHODS, Method
-from qinit_cli.pipeline.asked import Rehearsing
+from qinit_cli.options import flag, help_of, numbers, option, options, tunable
+from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.choice import Candidate, Choice
+    from qinit_cli.pipeline.cross_validation import CrossValidation
     from qinit_cli.pipeline.job import Made, Plan
-    from qinit_cli.pipeline.rehearsal import Rehearsal
     from qinit_cli.pipeline.tuning import Grid
 
 SCHEMA = "qinit.tune/1"
@@ -76,7 +76,7 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
                 _number_options(method), "One value of each, or several to try as well (1,3,10)"
             ),
             "fixed": Group(_fixed_options(method), "Method"),
-            "rehearsing": Group(Rehearsing, "Learning"),
+            "validating": Group(CrossValidating, "Learning"),
             "kept": Group(Kept, "Artefact"),
             "tabular": TABULAR,
             "display": DISPLAY,
@@ -98,7 +98,7 @@ def tune(
     grid: Any,
     several: Any,
     fixed: Any,
-    rehearsing: Rehearsing,
+    validating: CrossValidating,
     kept: Kept,
     tabular: Tabular,
     display: Display,
@@ -108,20 +108,20 @@ def tune(
     from qinit_cli.artefacts.opening import family_in, open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
+    from qinit_cli.pipeline.cross_validation import cross_validation_of, plan_of, tried
     from qinit_cli.pipeline.job import make
-    from qinit_cli.pipeline.rehearsal import plan_of, rehearsal_of, tried
 
     path = references.one(sources, kept.store, references.LEARNING, output=kept.output)
     method, values = _asked(kind, grid, several, fixed)
     as_json = tabular.chosen == "json"
     output = Output(kept.output, kept.store, kept.force, kept.wait, kept.dry_run, json=as_json)
-    machine = Machine(jobs=rehearsing.jobs)
+    machine = Machine(jobs=validating.jobs)
     with open_artefact(path, "sources") as source:
         candidates = tried(method.on(family_in(source)), values)
-        rehearsal = rehearsal_of(source, candidates, rehearsing)
-        plan = plan_of(source, method, rehearsal, values)
+        validation = cross_validation_of(source, candidates, validating)
+        plan = plan_of(source, method, validation, values)
         if kept.dry_run:
-            _say_expected(plan, rehearsal, output, machine, display)
+            _say_expected(plan, validation, output, machine, display)
             return
         made = make(plan, output.keeping, machine, Printed(display))
     with open_artefact(made.source, "tuning") as artefact:
@@ -156,7 +156,7 @@ def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Met
 
 
 def _say_expected(
-    plan: Plan, rehearsal: Rehearsal, output: Output, machine: Machine, display: Display
+    plan: Plan, validation: CrossValidation, output: Output, machine: Machine, display: Display
 ) -> None:
     """What it would take, by a few sources under a few of the candidates, all their episodes."""
     import numpy as np
@@ -165,17 +165,17 @@ def _say_expected(
     from qinit_cli.commands.results import say_expected
     from qinit_cli.pipeline.estimate import TRIAL_TASKS, foresee
 
-    count = len(rehearsal.candidates)
+    count = len(validation.candidates)
     some = np.unique(np.linspace(0, count - 1, TRIAL_CANDIDATES).astype(int))
-    fewer = replace(rehearsal, candidates=[rehearsal.candidates[place] for place in some])
-    usable = np.flatnonzero(rehearsal.fold >= 0)
+    fewer = replace(validation, candidates=[validation.candidates[place] for place in some])
+    usable = np.flatnonzero(validation.fold >= 0)
     trial = replace(
         plan,
         spec={**plan.spec, "tasks": TRIAL_TASKS},
         schema=tuning_schema(tuple(plan.spec["grid"]), len(some)),
         learn=lambda ids, watch: fewer(usable[ids], watch),
     )
-    episodes = rehearsal.targets.learning.episodes
+    episodes = validation.targets.learning.episodes
     expected = foresee(plan, trial, episodes, episodes, output.keeping, machine)
     times = count / len(some)
     say_expected(

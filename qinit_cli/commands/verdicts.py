@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
-from qinit_cli.commands.messages import note
+from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     from qinit_cli.claims.verdict import Verdict

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.typer_commands import Reference, add_command
 
 if TYPE_CHECKING:
     from qinit_store.verify import Verification
@@ -32,7 +32,7 @@ def add_to(app: typer.Typer) -> None:
 def verify(artefacts: list[str], tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints one row per artefact; Damaged for the first that does not hold, once all were read."""
     from qinit_cli.commands import references
-    from qinit_cli.commands.messages import reading as in_progress
+    from qinit_cli.commands.console import reading as in_progress
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.verify import verify as examine
 

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Self
 
-from qinit_cli.commands.messages import Lines, Printed, TaskBar, clock, console
+from qinit_cli.commands.console import Lines, Printed, TaskBar, clock, console
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.reporter import Whole
 from qinit_store.wording import printable

@@ -156,7 +156,7 @@ def _parameters(spec: dict[str, Any]) -> list[str]:
 
 
 def _target_digest(spec: dict[str, Any], drawn: Sequence[NDArray[Any]]) -> str:
-    """SHA-256 of what makes targets the same to every method: the draws, the dice's seed, and how a return is counted."""
+    """SHA-256 of what makes targets the same to every method: the draws, the streams' seed, and how a return is counted."""
     from qinit_store.spec import canonical_json
 
     met = {name: spec["learning"][name] for name in ("gamma", "episodes", "horizon", "start")}

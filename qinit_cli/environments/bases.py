@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import check, options
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
+from qinit_cli.options import check, options
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,10 +35,10 @@ class NeutralFamily:
     tabular: ClassVar[bool] = False
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100
-    source_learning: ClassVar[Learning] = Learning(
+    source_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=10_000, horizon=200, start="anywhere"
     )
-    target_learning: ClassVar[Learning] = Learning(
+    target_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
     )
 
@@ -107,7 +107,7 @@ class NeutralFamily:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: Learning) -> str:
+    def refusal(self, learning: QLearning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
@@ -119,7 +119,7 @@ class NeutralFamily:
         """NotAllowed: there are no exact tables."""
         raise NotAllowed(f"{self.name} has no exact tables; learn it by q-learning")
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
         """NotAllowed, as `solve`."""
         raise NotAllowed(f"{self.name} has no exact tables, and the value of a policy on them is not defined")
 
@@ -128,9 +128,9 @@ class NeutralFamily:
         raise NotAllowed(f"paths of {self.name} cannot be followed without learning; there is no map of them")
 
     def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
-        """NotAllowed: the chance of a path is no matter of its length alone."""
+        """NotAllowed: the probability of a path is no matter of its length alone."""
         raise NotAllowed(
-            f"in {self.name} the chance of a path does not follow from its length; no theory to check"
+            f"in {self.name} the probability of a path does not follow from its length; no theory to check"
         )
 
     def nearness(self, tasks: Tasks, gamma: float, *, linear: bool) -> Floats:
@@ -146,11 +146,11 @@ class TableFamily(NeutralFamily):
     tabular: ClassVar[bool] = True
 
     def tables(self, tasks: Tasks) -> Tables:
-        """Where the steps of each task lead, with what chances."""
+        """Where the steps of each task lead, with what probabilities."""
         raise NotImplementedError
 
     def starts(self) -> Floats:
-        """The chance that a target's episode starts in each state, (S,): the first one."""
+        """The probability that a target's episode starts in each state, (S,): the first one."""
         import numpy as np
 
         first: Floats = np.eye(1, int(np.prod(self.shape)))[0]
@@ -170,7 +170,7 @@ class TableFamily(NeutralFamily):
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them."""
-        from qinit_cli.kernels.dice import seeds
+        from qinit_cli.kernels.random_streams import seeds
 
         return self._tables(tasks).worlds(seeds(own))
 
@@ -183,10 +183,10 @@ class TableFamily(NeutralFamily):
         there = self._tables(tasks)
         q = np.empty(there.after.shape[:3])
         td_var = np.empty_like(q)
-        tables_exact.solve(there.after, there.chance, there.open, gamma, EXACT_TOLERANCE, q, td_var)
+        tables_exact.solve(there.after, there.probability, there.open, gamma, EXACT_TOLERANCE, q, td_var)
         return q, td_var
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
         import numpy as np
 
@@ -196,7 +196,7 @@ class TableFamily(NeutralFamily):
         value = np.empty(q.shape[:2])
         tables_exact.exploring_value(
             there.after,
-            there.chance,
+            there.probability,
             there.open,
             learning.gamma,
             learning.epsilon,
@@ -223,7 +223,7 @@ class TableFamily(NeutralFamily):
 
         there = self._tables(tasks)
         eopl = np.empty(q.shape, np.int32)
-        tables_exact.path_lengths(there.after, there.chance, there.open, q, eopl)
+        tables_exact.path_lengths(there.after, there.probability, there.open, q, eopl)
         return eopl
 
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
@@ -234,7 +234,7 @@ class TableFamily(NeutralFamily):
 
         there = self._tables(tasks)
         share = np.empty(len(tasks))
-        tables_exact.arrival(there.after, there.chance, there.start, q, horizon, share)
+        tables_exact.arrival(there.after, there.probability, there.start, q, horizon, share)
         likely: Flags = share >= LIKELY
         return likely
 
@@ -246,7 +246,7 @@ class TableFamily(NeutralFamily):
 
         there = self._tables(tasks)
         visits = np.empty(q.shape[:2], np.int32)
-        tables_exact.greedy_visits(there.after, there.chance, there.start, q, horizon, visits)
+        tables_exact.greedy_visits(there.after, there.probability, there.start, q, horizon, visits)
         return visits
 
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
@@ -257,6 +257,6 @@ class TableFamily(NeutralFamily):
 
         there = self._tables(tasks)
         steps = np.empty(len(tasks), np.int64)
-        tables_exact.distances(there.after, there.chance, there.start, steps)
+        tables_exact.distances(there.after, there.probability, there.start, steps)
         possible: Flags = (steps > 0) & (steps <= horizon)
         return possible

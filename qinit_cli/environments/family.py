@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ class Family(Protocol):
     name: ClassVar[str]
     source_tasks: ClassVar[int]
     target_tasks: ClassVar[int]
-    source_learning: ClassVar[Learning]
-    target_learning: ClassVar[Learning]
+    source_learning: ClassVar[QLearning]
+    target_learning: ClassVar[QLearning]
 
     def __init__(self, **settings: Any) -> None: ...
 
@@ -93,7 +93,7 @@ class Family(Protocol):
         """
         ...
 
-    def refusal(self, learning: Learning) -> str:
+    def refusal(self, learning: QLearning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         ...
 
@@ -108,7 +108,7 @@ class Family(Protocol):
         """Exact Q* and the variance of a step's target under it, (B, S, A) each; NotAllowed if not tabular."""
         ...
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,); NotAllowed if not tabular."""
         ...
 
@@ -121,9 +121,9 @@ class Family(Protocol):
         ...
 
     def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
-        """ln of the chance that each step of a path goes where it most likely goes, or what stretches to that.
+        """ln of the probability that each step of a path goes where it most likely goes, or what stretches to that.
 
-        `lengths` (B, S, A) are the paths'; where they are below 1 the value means nothing. NotAllowed where no path has a chance.
+        `lengths` (B, S, A) are the paths'; values of lengths below 1 are undefined. NotAllowed where paths have no probability.
         """
         ...
 

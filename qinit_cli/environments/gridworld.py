@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.environments.normal_goals import NormalGoals
 from qinit_cli.environments.slippery_grid import START, SlipperyGrid
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +32,8 @@ class Gridworld(SlipperyGrid):
         default_text="7",
         low=0,
     )
-    p_low: float = option(0.6, "Lowest chance that a move goes where it was meant to.", low=0.25, high=1)
-    p_high: float = option(0.9, "Highest such chance; each task draws its own.", low=0.25, high=1)
+    p_low: float = option(0.6, "Lowest probability that a move goes where it was meant to.", low=0.25, high=1)
+    p_high: float = option(0.9, "Highest such probability; each task draws its own.", low=0.25, high=1)
 
     name: ClassVar[str] = "gridworld"
 
@@ -70,10 +70,10 @@ class Gridworld(SlipperyGrid):
         import numpy as np
 
         if self.goals == "normal":
-            return self._normal().chances()
-        chances = np.full(self.size**2, 1 / (self.size**2 - 1))
-        chances[START] = 0.0
-        return chances
+            return self._normal().probabilities()
+        probabilities = np.full(self.size**2, 1 / (self.size**2 - 1))
+        probabilities[START] = 0.0
+        return probabilities
 
     def shifted(self, changes: dict[str, Any]) -> Gridworld:
         """The family with some fields changed; what belongs to the old kind of goals alone is dropped with it."""

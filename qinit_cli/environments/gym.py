@@ -23,8 +23,8 @@ from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTa
 from qinit_cli.environments.modules import with_module
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import check, option
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
+from qinit_cli.options import check, option
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
@@ -91,10 +91,10 @@ class Gym(TableFamily):
     packages: ClassVar[tuple[str, ...]] = ("gymnasium",)  # whose version decides what happens
     source_tasks: ClassVar[int] = 50
     target_tasks: ClassVar[int] = 50
-    source_learning: ClassVar[Learning] = Learning(
+    source_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.99, epsilon=0.5, episodes=10_000, horizon=200, start="fixed"
     )
-    target_learning: ClassVar[Learning] = Learning(
+    target_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.99, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
     )
 
@@ -243,7 +243,7 @@ class Gym(TableFamily):
         """Where the steps of each task lead."""
         import numpy as np
 
-        from qinit_cli.kernels.stepping import LOST
+        from qinit_cli.kernels.generic_loop import LOST
         from qinit_cli.kernels.tables import Tables
 
         if not self.tabular:
@@ -251,13 +251,13 @@ class Gym(TableFamily):
         each = [self._table(task) for task in tasks]
         most = max((one.after.shape[2] for one in each), default=1)
         shape = (len(each), self._seen.states, self._seen.actions, most)
-        after, chance = np.full(shape, LOST, np.int32), np.zeros(shape)
+        after, probability = np.full(shape, LOST, np.int32), np.zeros(shape)
         for place, one in enumerate(each):
             after[place, :, :, : one.after.shape[2]] = one.after
-            chance[place, :, :, : one.after.shape[2]] = one.chance
+            probability[place, :, :, : one.after.shape[2]] = one.probability
         states = (len(each), shape[1])
         start = np.array([one.start for one in each]).reshape(states)
-        return Tables(after, chance, start, np.array([one.open for one in each], bool).reshape(states))
+        return Tables(after, probability, start, np.array([one.open for one in each], bool).reshape(states))
 
     def starts(self) -> Floats:
         """How often an episode of the environment as it is starts in each state, (S,)."""
@@ -287,8 +287,8 @@ class Gym(TableFamily):
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them: their tables, or environments that it calls back."""
-        from qinit_cli.kernels.dice import seeds
         from qinit_cli.kernels.python_steps import PythonWorlds
+        from qinit_cli.kernels.random_streams import seeds
 
         if self.tabular:
             return super().worlds(tasks, own)
@@ -346,7 +346,7 @@ class Gym(TableFamily):
             return np.ones(len(tasks), np.bool_)
         return super().solvable(tasks, solved, horizon)
 
-    def refusal(self, learning: Learning) -> str:
+    def refusal(self, learning: QLearning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         if self.tabular:
             table(self.env_id, self._example, self.goal or "")  # says so itself if no end is the goal
@@ -420,7 +420,7 @@ class Gym(TableFamily):
         self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
     ) -> list[tuple[list[tuple[int, int]], bool]]:
         """Greedy episodes: the pairs met, and whether each reached the goal."""
-        from qinit_cli.kernels.stepping import GOAL
+        from qinit_cli.kernels.generic_loop import GOAL
 
         greedy, played = q.argmax(axis=1).tolist(), []
         with aside(), closing(self._episodes(task, horizon)) as world:
@@ -442,7 +442,9 @@ class Gym(TableFamily):
         one = table(self.env_id, self._example, self.goal or "")
         q = np.empty((1, *one.after.shape[:2]))
         settings = self.source_learning.gamma, EXACT_TOLERANCE
-        tables_exact.solve(one.after[None], one.chance[None], one.open[None], *settings, q, np.empty_like(q))
+        tables_exact.solve(
+            one.after[None], one.probability[None], one.open[None], *settings, q, np.empty_like(q)
+        )
         return one, q[0].max(axis=1)
 
     @property

@@ -1,7 +1,7 @@
 """Whether an environment steps as its table P has it: what happens beside P would never be learned.
 
 An example is Taxi's fickle passenger: the first move with him aboard may change his destination, which is not in P. So a
-table is believed once sampled steps agree with it. Every transition seen must have a chance in P, and what has one must come
+table is believed once sampled steps agree with it. Every transition seen must have a probability in P, and what has one must come
 about as often.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # in turn: wide, along ways to the goal, and short, so that there are many first moves
 LONGEST = {"wide": 100, "to the goal": 200, "short": 5}
 SWEEPS = 200  # of value iteration, for the ways to the goal
-# -ln of the chance that a sound table is doubted by one count, of some ten thousand that are looked at
+# -ln of the probability that a sound table is doubted by one count, of some ten thousand that are looked at
 DOUBT = 32.0
 REWARD = 1e-6  # by which a reward may differ: single precision
 
@@ -50,7 +50,7 @@ class _Sampled:
     """What was seen so far, beside what the table says."""
 
     table: TransitionTable
-    said: list[list[dict[Outcome, float]]]  # of each state and action, the chance of each outcome
+    said: list[list[dict[Outcome, float]]]  # of each state and action, the probability of each outcome
     tried: Counter[tuple[int, int]] = field(default_factory=Counter)
     came: defaultdict[tuple[int, int], Counter[Outcome]] = field(default_factory=lambda: defaultdict(Counter))
     started: Counter[int] = field(default_factory=Counter)
@@ -61,7 +61,7 @@ class _Sampled:
         return (
             ""
             if self.table.start[state] > 0
-            else f"an episode started in state {state}, whose chance to be a start is 0"
+            else f"an episode started in state {state}, whose probability to be a start is 0"
         )
 
     def step(self, state: int, action: int, outcome: Outcome) -> str:
@@ -76,46 +76,49 @@ class _Sampled:
                 self.came[state, action][said] += 1
                 return ""
         ended = " and ended the episode" if end else ""
-        return f"action {action} in state {state} led to state {there} with reward {reward:g}{ended}, which has no chance in P"
+        return f"action {action} in state {state} led to state {there} with reward {reward:g}{ended}, of probability 0 in P"
 
     def unlikely(self) -> str:
         """What came far more or less often than it should; empty if nothing."""
         starts = sum(self.started.values())
-        for state, chance in enumerate(self.table.start.tolist()):
-            if _doubted(self.started[state], starts, chance):
-                return f"{self.started[state]} of {starts} episodes started in state {state}, whose chance is {chance:.3g}"
+        for state, probability in enumerate(self.table.start.tolist()):
+            if _doubted(self.started[state], starts, probability):
+                return f"{self.started[state]} of {starts} episodes started in state {state}, with probability {probability:.3g}"
         alike: defaultdict[tuple[float, ...], Counter[float]] = defaultdict(Counter)
         for (state, action), tried in self.tried.items():
             said, came = self.said[state][action], self.came[state, action]
-            for outcome, chance in said.items():
-                if _doubted(came[outcome], tried, chance):
+            for outcome, probability in said.items():
+                if _doubted(came[outcome], tried, probability):
                     return (
                         f"action {action} in state {state} led to state {outcome[0]} {came[outcome]} times of {tried}, "
-                        f"whose chance in P is {chance:.3g}"
+                        f"whose probability in P is {probability:.3g}"
                     )
-                alike[tuple(sorted(said.values()))][chance] += came[outcome]
-        for chances, times in alike.items():  # of all states and actions whose outcomes have the same chances
-            for chance, count in times.items():
-                whole = chance * chances.count(chance)
+                alike[tuple(sorted(said.values()))][probability] += came[outcome]
+        for (
+            probabilities,
+            times,
+        ) in alike.items():  # of all states and actions whose outcomes have the same probabilities
+            for probability, count in times.items():
+                whole = probability * probabilities.count(probability)
                 if _doubted(count, times.total(), whole):
-                    return f"outcomes of chance {whole:.3g} in P came {count} times of {times.total()}"
+                    return f"outcomes of probability {whole:.3g} in P came {count} times of {times.total()}"
         return ""
 
 
-def _doubted(count: int, tried: int, chance: float) -> bool:
-    """Whether so many of the tries are next to impossible at that chance: Chernoff's bound on either tail."""
-    share = count / tried if tried else chance
-    chance = min(max(chance, 1e-15), 1 - 1e-15)
-    bound = sum(p * math.log(p / q) for p, q in ((share, chance), (1 - share, 1 - chance)) if p > 0)
+def _doubted(count: int, tried: int, probability: float) -> bool:
+    """Whether so many of the tries are next to impossible at that probability: Chernoff's bound on either tail."""
+    share = count / tried if tried else probability
+    probability = min(max(probability, 1e-15), 1 - 1e-15)
+    bound = sum(p * math.log(p / q) for p, q in ((share, probability), (1 - share, 1 - probability)) if p > 0)
     return tried * bound > DOUBT
 
 
 def _likelihoods(env_id: str, settings: Settings) -> list[list[dict[Outcome, float]]]:
     there = read(env_id, settings)
     said: list[list[dict[Outcome, float]]] = [[{} for _ in actions] for actions in there.ways]
-    for state, action, (chance, after, reward, end) in there:
+    for state, action, (probability, after, reward, end) in there:
         outcome = (after, end, reward)
-        said[state][action][outcome] = said[state][action].get(outcome, 0.0) + chance
+        said[state][action][outcome] = said[state][action].get(outcome, 0.0) + probability
     return said
 
 
@@ -162,12 +165,12 @@ def _ways_to_the_goal(there: TransitionTable) -> Integers:
     """The action of each state that most likely leads to the goal soon, (S,)."""
     import numpy as np
 
-    from qinit_cli.kernels.stepping import GOAL
+    from qinit_cli.kernels.generic_loop import GOAL
 
     value = np.zeros(len(there.after))
     for _ in range(SWEEPS):
         worth = np.where(there.after >= 0, 0.95 * value[there.after], there.after == GOAL)
-        q = (there.chance * worth).sum(axis=2)
+        q = (there.probability * worth).sum(axis=2)
         value = np.where(there.open, q.max(axis=1), 0.0)
     best: Integers = q.argmax(axis=1)
     return best

@@ -15,7 +15,7 @@ from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
 
 TRIED_STEPS = 100  # of the episodes that are played twice: some milliseconds of a task
-TRIED_RESETS = 20  # beyond them: where an episode starts may be all the chance there is
+TRIED_RESETS = 20  # beyond them: where an episode starts may be all the randomness there is
 KEPT = 65_536  # tasks of which it is remembered that they can be played again
 
 
@@ -34,7 +34,7 @@ class Episodes:
 
     def step(self, action: int) -> int:
         """The state that the action leads to, GOAL, LOST, or CUT less the state in which the environment cuts the episode off."""
-        from qinit_cli.kernels.stepping import CUT, GOAL, LOST
+        from qinit_cli.kernels.generic_loop import CUT, GOAL, LOST
 
         try:
             observation, reward, terminated, truncated, _ = self._env.step(action)
@@ -118,7 +118,7 @@ def numbered(observation: Any, first: int, states: int) -> int:
 def shortest_cut(env_id: str, settings: Settings) -> int:
     """Steps after which the environment was first seen to cut an episode off, 0: never, where it is the same made twice.
 
-    It is made twice, and both play the same episodes step by step in turn, so that chance they share shows too; then the first
+    It is made twice, and both play the same episodes step by step in turn, so that shared randomness shows too; then the first
     one once more. NotAllowed where their tables, numbers, observations, rewards or ends differ: no seed could bring such a
     task back.
     """
@@ -197,7 +197,7 @@ class _Both:
     def _unlike(self, difference: str) -> NotAllowed:
         return NotAllowed(
             f"{self.env_id} with {self.settings.told} is not the same when it is made and played twice: {difference} "
-            "differs; all its chance must come from reset(seed=...), or what it draws must be given by --set"
+            "differs; all its randomness must come from reset(seed=...), or what it draws must be given by --set"
         )
 
 

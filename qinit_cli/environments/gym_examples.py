@@ -100,7 +100,7 @@ def _bits(env_id: str, settings: Settings, goal: str) -> Any:
     """The table, in a form that can be compared."""
     there = table(env_id, settings, goal)
     return there.after.shape, *(
-        each.tobytes() for each in (there.after, there.chance, there.start, there.open)
+        each.tobytes() for each in (there.after, there.probability, there.start, there.open)
     )
 
 

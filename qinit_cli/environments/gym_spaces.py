@@ -79,7 +79,7 @@ def _row(observation: Any, length: int) -> list[float]:
 
 @lru_cache(64)
 def seen(env_id: str, settings: Settings, bins: str, ranges: tuple[str, ...]) -> Seen:
-    """What it finds; UsageError for spaces that do not suit, NotAllowed for a faulty table or chance that no seed reaches."""
+    """What it finds; UsageError for spaces that do not suit, NotAllowed for a faulty table or unseeded randomness."""
     import numpy as np
 
     with opened(env_id, settings) as env:

@@ -34,7 +34,7 @@ class TransitionTable:
     """One task's transitions, O outcomes at most."""
 
     after: NDArray[np.int32]  # (S, A, O) the next state, stepping.GOAL or stepping.LOST
-    chance: Floats  # (S, A, O)
+    probability: Floats  # (S, A, O)
     start: Floats  # (S,)
     open: Flags  # (S,)
     goals: frozenset[End]  # ends that are the goal ...
@@ -71,7 +71,7 @@ def table(env_id: str, settings: Settings, goal: str) -> TransitionTable:
     """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
-    from qinit_cli.kernels.stepping import GOAL, LOST
+    from qinit_cli.kernels.generic_loop import GOAL, LOST
 
     there = read(env_id, settings)
     open = _open(there)
@@ -90,14 +90,14 @@ def table(env_id: str, settings: Settings, goal: str) -> TransitionTable:
             outcomes[end] = outcomes.get(end, 0.0) + odds
         merged.append(outcomes)
     most = max(map(len, merged))
-    after, chance = np.full((len(merged), most), LOST, np.int32), np.zeros((len(merged), most))
+    after, probability = np.full((len(merged), most), LOST, np.int32), np.zeros((len(merged), most))
     for place, outcomes in enumerate(merged):
         after[place, : len(outcomes)] = list(outcomes)
-        chance[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
+        probability[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
     shape = (len(there.ways), len(there.ways[0]), most)
     goals = frozenset(end for end in ends if reached(end[0]))
     return TransitionTable(
-        after.reshape(shape), chance.reshape(shape), there.start, open, goals, frozenset(ends) - goals
+        after.reshape(shape), probability.reshape(shape), there.start, open, goals, frozenset(ends) - goals
     )
 
 

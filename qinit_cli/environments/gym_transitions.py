@@ -1,6 +1,6 @@
 """The table of transitions that an environment brings, read so that nothing faulty in it passes.
 
-P is somebody else's: a next state of -1 would be read as our goal, a chance that is not a number would be worth nothing.
+P is somebody else's: a next state of -1 would be read as our goal, a probability that is not a number would be worth nothing.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from qinit_cli.errors import NotAllowed
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
 
-ROUNDING = 1e-6  # of chances that were added up or divided, in single precision too
-ENTRIES = ("chance", "next state", "reward", "end")
+ROUNDING = 1e-6  # of probabilities that were added up or divided, in single precision too
+ENTRIES = ("probability", "next state", "reward", "end")
 
 Way = tuple[
     float, int, float, bool
-]  # a chance above 0, the next state, the reward, and whether the episode ends there
+]  # a probability above 0, the next state, the reward, and whether the episode ends there
 
 
 @dataclass(frozen=True)
@@ -83,26 +83,30 @@ def _numbered(there: Any, count: int, noun: str, where: str) -> list[Any]:
 
 
 def _ways(where: str, outcomes: Any, states: int) -> list[Way]:
-    """The outcomes of a chance above 0."""
+    """The outcomes of a probability above 0."""
     if not isinstance(outcomes, list | tuple) or not outcomes:
         raise Faulty(f"{where} has no outcomes")
     for outcome in outcomes:
         if not isinstance(outcome, list | tuple) or len(outcome) != len(ENTRIES):
             raise Faulty(f"{where} has the outcome {_told(outcome)}, which is not ({', '.join(ENTRIES)})")
         if not isinstance(outcome[0], Real):
-            raise Faulty(f"{where} has an outcome of the chance {_told(outcome[0])}, which is no number")
-    chances = [float(outcome[0]) for outcome in outcomes]
+            raise Faulty(f"{where} has an outcome of probability {_told(outcome[0])}, which is no number")
+    probabilities = [float(outcome[0]) for outcome in outcomes]
     # not (a and b): what is not a number fits no bound
-    if not (min(chances) >= -ROUNDING and max(chances) <= 1 + ROUNDING and abs(sum(chances) - 1) <= ROUNDING):
+    if not (
+        min(probabilities) >= -ROUNDING
+        and max(probabilities) <= 1 + ROUNDING
+        and abs(sum(probabilities) - 1) <= ROUNDING
+    ):
         raise Faulty(
-            f"for {where} the outcomes have the chances {', '.join(f'{chance:g}' for chance in chances)}, {sum(chances):g} in "
-            "sum: they must be within 0 and 1, and sum to 1"
+            f"for {where} the outcomes have the probabilities {', '.join(f'{p:g}' for p in probabilities)}, "
+            f"{sum(probabilities):g} in sum: they must be within 0 and 1, and sum to 1"
         )
     return [_way(where, outcome, states) for outcome in outcomes if outcome[0] > 0]
 
 
 def _way(where: str, outcome: Any, states: int) -> Way:
-    chance, there, reward, end = outcome
+    probability, there, reward, end = outcome
     try:
         state = operator.index(there)
     except TypeError:
@@ -113,7 +117,7 @@ def _way(where: str, outcome: Any, states: int) -> Way:
         raise Faulty(f"{where} has the reward {_told(reward)}, which is no finite number")
     if end not in (True, False):
         raise Faulty(f"{where} has the end {_told(end)}, which is neither True nor False")
-    return float(chance), state, float(reward), bool(end)
+    return float(probability), state, float(reward), bool(end)
 
 
 def _start(given: Any, states: int) -> Floats:
@@ -130,10 +134,10 @@ def _start(given: Any, states: int) -> Floats:
     if improper.any():
         state = int(improper.argmax())
         raise Faulty(
-            f"state {state} is where episodes start with chance {start[state]:g}, which is not within 0 and 1"
+            f"state {state} is where episodes start with probability {start[state]:g}, which is not within 0 and 1"
         )
     if abs(start.sum() - 1) > ROUNDING:
-        raise Faulty(f"the chances of where episodes start sum to {start.sum():g}, not 1")
+        raise Faulty(f"the probabilities of where episodes start sum to {start.sum():g}, not 1")
     start /= start.sum()
     return start
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.environments.normal_goals import NormalGoals
 from qinit_cli.environments.slippery_grid import SlipperyGrid
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +32,8 @@ class MixtureGridworld(SlipperyGrid):
     )
     variances: str = option("7", "Variance of row and column around each mean, or one for all.")
     weights: str = option("1", "How often each mean is drawn, relative to the others; or 1: equally often.")
-    p_low: float = option(0.6, "Lowest chance that a move goes where it was meant to.", low=0.25, high=1)
-    p_high: float = option(0.9, "Highest such chance; each task draws its own.", low=0.25, high=1)
+    p_low: float = option(0.6, "Lowest probability that a move goes where it was meant to.", low=0.25, high=1)
+    p_high: float = option(0.9, "Highest such probability; each task draws its own.", low=0.25, high=1)
 
     name: ClassVar[str] = "mixture-gridworld"
 
@@ -75,8 +75,10 @@ class MixtureGridworld(SlipperyGrid):
         """How likely each cell is to be a task's goal, (S,)."""
         import numpy as np
 
-        chances: Floats = np.sum([weight * part.chances() for weight, part in self._parts()], axis=0)
-        return chances
+        probabilities: Floats = np.sum(
+            [weight * part.probabilities() for weight, part in self._parts()], axis=0
+        )
+        return probabilities
 
     def draw(self, rng: np.random.Generator) -> tuple[int, int, float]:
         """One task: goal row, goal column and p.

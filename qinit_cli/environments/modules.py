@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -85,9 +85,9 @@ class Importing:
         return self.learn(indices, watch)
 
 
-def travelling(learn: Learn) -> Learn:
-    """The learner as another process may take it."""
-    return Importing(tuple(_NAMED), learn) if _NAMED else learn
+def travelling(learn: Learn, family: Mapping[str, Any]) -> Learn:
+    """The learner as another process may take it, with this family (its settings): only environments need the modules."""
+    return Importing(tuple(_NAMED), learn) if _NAMED and "env_id" in family else learn
 
 
 def _registered() -> set[str]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import check, option
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,10 +53,10 @@ class MountainCar:
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100
     # alpha, epsilon and the sources' episodes are the paper's; it gives no gamma and no horizon
-    source_learning: ClassVar[Learning] = Learning(
+    source_learning: ClassVar[QLearning] = QLearning(
         alpha=0.05, gamma=0.99, epsilon=0.5, episodes=500_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[Learning] = Learning(
+    target_learning: ClassVar[QLearning] = QLearning(
         alpha=0.05, gamma=0.99, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 
@@ -138,14 +138,14 @@ class MountainCar:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: Learning) -> str:
+    def refusal(self, learning: QLearning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them; `own` are the streams of pushes that are drawn every step."""
-        from qinit_cli.kernels.dice import seeds
         from qinit_cli.kernels.mountain_car import MountainCars
+        from qinit_cli.kernels.random_streams import seeds
 
         gusty = self.noise_per == "step"
         return MountainCars(
@@ -163,7 +163,7 @@ class MountainCar:
             "mountain-car is not Markov in its bins: there are no exact tables; learn it by q-learning"
         )
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
         """NotAllowed, as `solve`."""
         raise NotAllowed(
             "mountain-car is not Markov in its bins: the value of a policy on them is not defined"
@@ -193,7 +193,7 @@ class MountainCar:
         import numpy as np
 
         if self.noise_per == "step":
-            raise NotAllowed("with --noise-per step pushes have a density, and no path has a chance")
+            raise NotAllowed("with --noise-per step pushes have a density, and no path has a probability")
         return np.zeros((1, 1, 1))
 
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:

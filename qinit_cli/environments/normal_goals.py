@@ -41,7 +41,7 @@ class NormalGoals:
             row, column = (round(float(coordinate)) for coordinate in place)
         return row, column
 
-    def chances(self) -> Floats:
+    def probabilities(self) -> Floats:
         """How likely each cell is to be the goal, (S,)."""
         import numpy as np
 
@@ -49,13 +49,13 @@ class NormalGoals:
             np.array([self._within(mean, cell - 0.5, cell + 0.5) for cell in range(self.size)])
             for mean in (self.row, self.column)
         )
-        chances: Floats = np.outer(down, across).ravel()
-        chances[0] = 0.0
-        chances /= chances.sum()
-        return chances
+        probabilities: Floats = np.outer(down, across).ravel()
+        probabilities[0] = 0.0
+        probabilities /= probabilities.sum()
+        return probabilities
 
     def _mass_on_grid(self) -> float:
-        """The chance that one draw is on the grid and not the target start."""
+        """The probability that one draw is on the grid and not the target start."""
         on_grid, at_start = (
             self._within(self.row, -0.5, edge) * self._within(self.column, -0.5, edge)
             for edge in (self.size - 0.5, 0.5)

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,7 +21,7 @@ START = 0  # where target tasks start: the cell (0, 0)
 
 
 class SlipperyGrid:
-    """A square grid; a task is a goal and the chance that a move goes where it was meant to.
+    """A square grid; a task is a goal and the probability that a move goes where it was meant to.
 
     A subclass is a frozen dataclass with these fields, a name, a label, the states it shows, and its way of drawing goals.
     """
@@ -36,10 +36,10 @@ class SlipperyGrid:
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 200
     # The paper gives no alpha, gamma, epsilon, horizon or start for the gridworld: our choice.
-    source_learning: ClassVar[Learning] = Learning(
+    source_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[Learning] = Learning(
+    target_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 
@@ -71,7 +71,7 @@ class SlipperyGrid:
         return (Axis("row", cells, "1", "grid row"), Axis("col", cells, "1", "grid column"))
 
     def parameters(self) -> tuple[Column, ...]:
-        """What a task is made of: its goal and the chance that a move goes where it was meant to."""
+        """What a task is made of: its goal and the probability that a move goes where it was meant to."""
         from qinit_store.schema import Column
 
         return (
@@ -108,12 +108,12 @@ class SlipperyGrid:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: Learning) -> str:
+    def refusal(self, learning: QLearning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
-        """The tasks as the compiled loop takes them; all that is random is in the steps' dice, `own` is not used."""
+        """The tasks as the compiled loop takes them; all that is random is in the steps' draws, `own` is not used."""
         from qinit_cli.kernels.gridworld import Gridworlds
 
         return Gridworlds(self.size, self._goals(tasks), tasks["p"].copy(), START)
@@ -131,7 +131,7 @@ class SlipperyGrid:
         )
         return q, td_var
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
         import numpy as np
 
@@ -170,7 +170,7 @@ class SlipperyGrid:
         return eopl
 
     def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:
-        """ln of the chance of the path, (B, S, 4): every step after the first moves, and does so with chance p."""
+        """ln of the probability of the path, (B, S, 4): every step after the first moves, and does so with probability p."""
         import numpy as np
 
         from qinit_cli.elementary import ln

@@ -1,7 +1,7 @@
 """The gridworld whose wind changes from task to task: the paper's example of a drone, with Weibull wind (its reference 17).
 
 The goal and the slip stay, so that the wind alone makes the distribution. A wind of strength w, in cells a step, drifts the agent
-after each move: by floor(w) cells and, with chance w - floor(w), by one more, so by w on the average. A wall stops it.
+after each move: by floor(w) cells and, with probability w - floor(w), by one more, so by w on the average. A wall stops it.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from qinit_cli.environments.bases import TableFamily
-from qinit_cli.fields import check, option
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
+from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +33,7 @@ class WindyGridworld(TableFamily):
     size: int = option(30, "Cells along each side.", low=2, high=100)
     goal_row: int | None = option(None, "Row of the goal.", default_text="2/3 of the size", low=0)
     goal_col: int | None = option(None, "Column of the goal.", default_text="2/3 of the size", low=0)
-    p: float = option(0.75, "Chance that a move goes where it was meant to.", low=0.25, high=1)
+    p: float = option(0.75, "Probability that a move goes where it was meant to.", low=0.25, high=1)
     wind: Literal["up", "down", "left", "right", "any"] = option(
         "up", "Where it blows to; any: each task draws one of the four."
     )
@@ -46,10 +46,10 @@ class WindyGridworld(TableFamily):
     actions: ClassVar[tuple[str, ...]] = DIRECTIONS
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 200
-    source_learning: ClassVar[Learning] = Learning(
+    source_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[Learning] = Learning(
+    target_learning: ClassVar[QLearning] = QLearning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 
@@ -132,7 +132,7 @@ class WindyGridworld(TableFamily):
         """
         import numpy as np
 
-        from qinit_cli.kernels.stepping import GOAL
+        from qinit_cli.kernels.generic_loop import GOAL
         from qinit_cli.kernels.tables import Tables
 
         moves = self._moves()
@@ -143,13 +143,15 @@ class WindyGridworld(TableFamily):
         )  # (B, S, 4, 2)
         greater = tasks["wind"] - np.floor(tasks["wind"])
         ways = np.where(np.eye(4, dtype=bool), self.p, (1 - self.p) / 3)
-        chance = ways[..., None] * np.stack([1 - greater, greater], axis=-1)[:, None, None, :]  # (B, 4, 4, 2)
+        probability = (
+            ways[..., None] * np.stack([1 - greater, greater], axis=-1)[:, None, None, :]
+        )  # (B, 4, 4, 2)
         shape = len(tasks), self.size**2, 4, 8
         after = np.where(after == self._goal, GOAL, after).astype(np.int32).reshape(*shape[:2], 1, 8)
         open = np.broadcast_to(np.arange(shape[1]) != self._goal, shape[:2])
         return Tables(
             np.ascontiguousarray(np.broadcast_to(after, shape)),
-            np.ascontiguousarray(np.broadcast_to(chance.reshape(-1, 1, 4, 8), shape)),
+            np.ascontiguousarray(np.broadcast_to(probability.reshape(-1, 1, 4, 8), shape)),
             np.tile(self.starts(), (len(tasks), 1)),
             open.copy(),
         )

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
-from qinit_cli.kernels.dice import Words, exploration_limit
 from qinit_cli.kernels.lane import Evaluation, LaneSetting, Tasks, new_lanes
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.random_streams import Words, exploration_limit
+from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
@@ -43,16 +43,16 @@ class Worlds(Protocol):
         """The tasks, (B,), in the order in which lanes take them: long ones first, or they end alone."""
         ...
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, Any]:
         """The compiled `advance` and the world it takes."""
         ...
 
 
 @dataclass(frozen=True)
 class LaneStreams:
-    """The streams of a batch, as dice.lane_seeds and dice.seeds make them."""
+    """The streams of a batch, as random_streams.lane_seeds and random_streams.seeds make them."""
 
-    dice: Words  # (B, 4, 8) slips, exploration and picks
+    rng: Words  # (B, 4, 8) slips, exploration and picks
     starts: Words  # (B, 4) where episodes start
     evaluation: Words | None = None  # (B, 4) greedy episodes; needed if there are any
     choices: Words | None = None  # (B, 4) choosing and following policies; needed if there are any
@@ -107,7 +107,7 @@ class Learned:
 
 def learn(
     worlds: Worlds,
-    learning: Learning,
+    learning: QLearning,
     start: Start,
     streams: LaneStreams,
     records: Records,
@@ -121,13 +121,13 @@ def learn(
     batch = len(worlds)
     shape = (batch, worlds.states, worlds.actions)
     _expect("start table", start.table.shape, shape[1:], shape)
-    _expect("dice", streams.dice.shape, (batch, 4, 8))
-    _expect("start dice", streams.starts.shape, (batch, 4))
+    _expect("rng", streams.rng.shape, (batch, 4, 8))
+    _expect("start streams", streams.starts.shape, (batch, 4))
     if not 1 <= records.bins <= learning.episodes:
         raise ValueError(f"{records.bins} bins of {learning.episodes} episodes; a bin holds one at least")
     tasks = Tasks(
         q=np.broadcast_to(start.table, shape).astype(np.float64, order="C"),
-        dice=streams.dice.copy(),
+        rng=streams.rng.copy(),
         start_dice=streams.starts.copy(),
         episode=np.zeros(batch, np.int64),
         step_count=np.zeros(batch, np.int64),
@@ -192,37 +192,37 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: Learning) -> LaneSetting:
+def _setting(learning: QLearning) -> LaneSetting:
     exploration = exploration_limit(learning.epsilon)
     return LaneSetting(learning.alpha, learning.gamma, exploration, learning.episodes, learning.horizon)
 
 
-def _evaluation(every: int, episodes: int, dice: Words | None, batch: int) -> Evaluation | None:
+def _evaluation(every: int, episodes: int, rng: Words | None, batch: int) -> Evaluation | None:
     if every == 0:
         return None
-    if every < 0 or dice is None:
+    if every < 0 or rng is None:
         raise ValueError(f"evaluation after every {every} episodes: at least 1, with streams of its own")
-    _expect("evaluation dice", dice.shape, (batch, 4))
+    _expect("evaluation streams", rng.shape, (batch, 4))
     shape = batch, 1 + episodes // every
-    return Evaluation(every, dice.copy(), steps=np.zeros(shape, np.int64), reached=np.zeros(shape, np.int64))
+    return Evaluation(every, rng.copy(), steps=np.zeros(shape, np.int64), reached=np.zeros(shape, np.int64))
 
 
 def _choosing(
-    policies: Policies | None, dice: Words | None, lanes: int, shape: tuple[int, int, int]
+    policies: Policies | None, rng: Words | None, lanes: int, shape: tuple[int, int, int]
 ) -> Choosing | None:
     batch, states, actions = shape
     if policies is None or len(policies.actions) == 0:
         return None
     _expect("policies", policies.actions.shape, (len(policies.actions), states))
-    if dice is None or policies.actions.min() < 0 or policies.actions.max() >= actions:
+    if rng is None or policies.actions.min() < 0 or policies.actions.max() >= actions:
         raise ValueError(f"policies need streams of their own, and actions from 0 to {actions - 1}")
-    _expect("choice dice", dice.shape, (batch, 4))
-    return new_choosing(policies, dice, lanes)
+    _expect("choice streams", rng.shape, (batch, 4))
+    return new_choosing(policies, rng, lanes)
 
 
 def _posterior(
     hypotheses: Hypotheses | None,
-    learning: Learning,
+    learning: QLearning,
     moments: Integers | None,
     lanes: int,
     shape: tuple[int, int, int],

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE
+from qinit_cli.kernels.random_streams import LOW_12, LOW_20, THIRTY_TWO, TWELVE
 
 PICKS = 12
 TIES = 16

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.choices import ACTIONS, DIRECTIONS, decide, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, lean
-from qinit_cli.kernels.dice import below, draw, draw_block, slip_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
     end_block,
@@ -33,7 +32,8 @@ from qinit_cli.kernels.lane import (
 from qinit_cli.kernels.policies import begin, followed, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
 from qinit_cli.kernels.posterior import end_episode, frozen_first, refresh, weigh
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.random_streams import below, draw, draw_block, slip_limit
+from qinit_cli.learning import QLearning
 
 ALL_ACTIONS = np.uint64(0b1111)
 ANYWHERE = -1
@@ -88,7 +88,7 @@ class Gridworlds:
         """As they are: no goal makes episodes much longer than another."""
         return np.arange(len(self))
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, CellWorld]:
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, CellWorld]:
         """The compiled loop and the world it takes."""
         slip = (1.0 - self.p) / 3
         world = CellWorld(
@@ -130,7 +130,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
         for place in range(count):
             lane = lanes.order[place]
             task = lanes.task[lane]
-            draw_block(tasks.dice[task], lanes.draws)
+            draw_block(tasks.rng[task], lanes.draws)
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, world.slips[task], lanes.choices[lane])
         alike = count if posterior is None else frozen_first(posterior, lanes, count)
         fours = alike // 4 * 4 if choosing is None else 0
@@ -294,10 +294,10 @@ def _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior):
 def _evaluate(world, setting, lanes, lane, ended, evaluation):
     """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes."""
     task, ties = lanes.task[lane], lanes.ties[lane]
-    dice, slips = evaluation.dice[task], world.slips[task]
+    rng, slips = evaluation.rng[task], world.slips[task]
     cell, goal, length = np.uint32(world.target_start), world.goals[lane], 0
     while cell != goal and length < setting.horizon:
-        choice = greedy_choice(draw(dice), slips[0], slips[1], slips[2]) | ties[cell]
+        choice = greedy_choice(draw(rng), slips[0], slips[1], slips[2]) | ties[cell]
         cell = world.neighbours[4 * cell + DIRECTIONS[choice]]
         length += 1
     evaluation.steps[task, ended // evaluation.every] = length

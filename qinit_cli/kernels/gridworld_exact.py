@@ -108,7 +108,7 @@ def exploring_value(goal, p, size, gamma, epsilon, tolerance, q, value):  # type
     """Writes into `value` (B, S) what acting epsilon-greedily on `q` (B, S, 4) is worth from each cell, ties shared equally."""
     cells = size * size
     moves = neighbours(size)
-    chance = np.empty((cells, 4))
+    probability = np.empty((cells, 4))
     order = np.empty(cells - 1, np.int64)
     entering = np.empty(cells)
     limit = _sweep_limit(tolerance, gamma)
@@ -120,7 +120,9 @@ def exploring_value(goal, p, size, gamma, epsilon, tolerance, q, value):  # type
             best = q[task, cell].max()
             ties = (q[task, cell] == best).sum()
             for action in range(4):
-                chance[cell, action] = epsilon / 4 + (1.0 - epsilon) / ties * (q[task, cell, action] == best)
+                probability[cell, action] = epsilon / 4 + (1.0 - epsilon) / ties * (
+                    q[task, cell, action] == best
+                )
         entering[:] = 0.0
         entering[goal[task]] = 1.0
         change = 1.0
@@ -130,7 +132,7 @@ def exploring_value(goal, p, size, gamma, epsilon, tolerance, q, value):  # type
                 intended = total = 0.0
                 for action in range(4):
                     there = entering[moves[cell, action]]
-                    intended += chance[cell, action] * there
+                    intended += probability[cell, action] * there
                     total += there
                 worth = gamma * (kept * intended + slip * total)
                 change = max(change, abs(worth - entering[cell]))
@@ -147,14 +149,14 @@ def _likeliest(moves, action, p):  # type: ignore[no-untyped-def]
     best, best_chance = moves[action], -1.0
     for candidate in range(-1, 4):  # the intended move first
         there = moves[action] if candidate < 0 else moves[candidate]
-        chance = 0.0
+        probability = 0.0
         for direction in range(4):
             if moves[direction] == there:
-                chance += p if direction == action else slip
+                probability += p if direction == action else slip
         # the same slips added in another order differ by an ulp: that is a tie
-        tied = abs(chance - best_chance) <= 1e-12
-        if (tied and best != moves[action] and there < best) or (not tied and chance > best_chance):
-            best, best_chance = there, chance
+        tied = abs(probability - best_chance) <= 1e-12
+        if (tied and best != moves[action] and there < best) or (not tied and probability > best_chance):
+            best, best_chance = there, probability
     return best
 
 

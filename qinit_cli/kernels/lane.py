@@ -28,7 +28,7 @@ TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 
 
 class LaneSetting(NamedTuple):
-    """How a task is learned; `Learning` as the loops read it."""
+    """How a task is learned; `QLearning` as the loops read it."""
 
     alpha: float
     gamma: float
@@ -41,7 +41,7 @@ class Tasks(NamedTuple):
     """The tasks of a batch, B of them, and how far each has come."""
 
     q: Any  # f8 (B, S, A), in and out
-    dice: Any  # u8 (B, 4, 8)
+    rng: Any  # u8 (B, 4, 8)
     start_dice: Any  # u8 (B, 4)
     episode: Any  # i8 (B,) episodes done
     step_count: Any  # i8 (B,) steps of those
@@ -54,7 +54,7 @@ class Evaluation(NamedTuple):
     """Greedy episodes without learning: one before the first episode, then one after every `every`-th."""
 
     every: int
-    dice: Any  # u8 (B, 4)
+    rng: Any  # u8 (B, 4)
     steps: Any  # i8 (B, 1 + episodes // every)
     reached: Any  # i8 (B, 1 + episodes // every)
 

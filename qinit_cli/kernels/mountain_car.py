@@ -19,7 +19,6 @@ from qinit_cli.arrays import Integers
 from qinit_cli.kernels.choices import ACTIONS, SLIPS, decide, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, lean
 from qinit_cli.kernels.cosine import cosine
-from qinit_cli.kernels.dice import Words, draw, draw_block, slip_limit, unit
 from qinit_cli.kernels.lane import (
     BLOCK,
     Memory,
@@ -36,8 +35,9 @@ from qinit_cli.kernels.lane import (
 from qinit_cli.kernels.policies import begin, followed, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
 from qinit_cli.kernels.posterior import end_episode, refresh, weigh, weighs
+from qinit_cli.kernels.random_streams import Words, draw, draw_block, slip_limit, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
 FORCE, GRAVITY = 0.001, 0.0025
@@ -107,7 +107,7 @@ class MountainCars:
         """Those first that are pushed back most: they take up to twelve times the steps of the others."""
         return np.argsort(self.eta, kind="stable")
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, CarWorld]:
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, CarWorld]:
         """The compiled loop and the world it takes."""
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
@@ -199,7 +199,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
             return
         for place in range(count):
             lane = lanes.order[place]
-            draw_block(tasks.dice[lanes.task[lane]], lanes.draws)
+            draw_block(tasks.rng[lanes.task[lane]], lanes.draws)
             decide(lanes.draws, setting.exploration, ALL_ACTIONS, NO_SLIP, lanes.choices[lane])
             _draw_gusts(lanes.task[lane], lane, world, world.noise_dice)
         gusts, eights = world.gusts, len(lanes.task)
@@ -432,13 +432,13 @@ def _place(world, setting, tasks, lanes, lane, evaluation, choosing, posterior):
 def _evaluate(world, setting, lanes, lane, ended, evaluation, gusts):
     """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes."""
     task, ties, bins = lanes.task[lane], lanes.ties[lane], np.float64(world.bins)
-    dice, eta, length = evaluation.dice[task], world.eta[task], 0
-    position, velocity = _start(world.target_start, dice)
+    rng, eta, length = evaluation.rng[task], world.eta[task], 0
+    position, velocity = _start(world.target_start, rng)
     while not is_done(position, velocity) and length < setting.horizon:
-        choice = greedy_choice(draw(dice), NO_SLIP[0], NO_SLIP[1], NO_SLIP[2])
+        choice = greedy_choice(draw(rng), NO_SLIP[0], NO_SLIP[1], NO_SLIP[2])
         action = ACTIONS[choice | ties[np.int64(bin_of(position, velocity, bins))]]
         if gusts is not None:
-            eta = _gusts(world.eta[task], world.noise, dice)[0]
+            eta = _gusts(world.eta[task], world.noise, rng)[0]
         position, velocity = move(position, velocity, PUSHES[action], eta, world.hill)
         length += 1
     evaluation.steps[task, ended // evaluation.every] = length
@@ -455,13 +455,13 @@ def _draw_starts(world, tasks, lanes, lane, first, end):
 
 
 @inlined
-def _start(start, dice):
+def _start(start, rng):
     """Position and velocity at the start of an episode."""
     if start == ANYWHERE:
-        position = LEFT + (GOAL - LEFT) * unit(dice)
-        return position, -FASTEST + 2 * FASTEST * unit(dice)
+        position = LEFT + (GOAL - LEFT) * unit(rng)
+        return position, -FASTEST + 2 * FASTEST * unit(rng)
     if start == VALLEY:
-        return -0.6 + 0.2 * unit(dice), 0.0
+        return -0.6 + 0.2 * unit(rng), 0.0
     return -0.5, 0.0
 
 
@@ -475,11 +475,11 @@ def _draw_gusts(task, lane, world, noise_dice):
 
 
 @inlined
-def _gusts(eta, noise, dice):
+def _gusts(eta, noise, rng):
     """Two normal pushes around eta; Marsaglia's polar method."""
     x, y, square = 0.0, 0.0, 0.0
     while square == 0.0 or square >= 1.0:
-        x, y = 2 * unit(dice) - 1, 2 * unit(dice) - 1
+        x, y = 2 * unit(rng) - 1, 2 * unit(rng) - 1
         square = x * x + y * y
     scale = noise * math.sqrt(-2 * math.log(square) / square)
     return eta + scale * x, eta + scale * y

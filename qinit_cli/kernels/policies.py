@@ -16,7 +16,7 @@ import numpy as np
 
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.dice import Words, below, unit
+from qinit_cli.kernels.random_streams import Words, below, unit
 
 _ONE, _TIES = np.uint64(1), np.uint64(15)
 
@@ -42,7 +42,7 @@ class Choosing(NamedTuple):
     rho: float
     nu: float
     explore_while_following: bool
-    dice: Any  # u8 (B, 4)
+    rng: Any  # u8 (B, 4)
     words: Any  # u8 (L, 4) the stream of the lane's task
     chosen: Any  # i8 (L,) the policy of the episode
     tried: Any  # i8 (L, K) episodes of each
@@ -52,7 +52,7 @@ class Choosing(NamedTuple):
     psi: Any  # f8 (L,) psi of the coming step
 
 
-def new_choosing(policies: Policies, dice: Words, lanes: int) -> Choosing:
+def new_choosing(policies: Policies, rng: Words, lanes: int) -> Choosing:
     """What the loops need to choose among policies in that many lanes."""
     count = len(policies.actions)
     return Choosing(
@@ -62,7 +62,7 @@ def new_choosing(policies: Policies, dice: Words, lanes: int) -> Choosing:
         rho=float(policies.rho),
         nu=float(policies.nu),
         explore_while_following=policies.explore_while_following,
-        dice=dice.copy(),
+        rng=rng.copy(),
         words=np.zeros((lanes, 4), np.uint64),
         chosen=np.zeros(lanes, np.int64),
         tried=np.zeros((lanes, count), np.int64),
@@ -77,7 +77,7 @@ def new_choosing(policies: Policies, dice: Words, lanes: int) -> Choosing:
 def begin(choosing, lane, task):
     """A task takes the lane: nothing is known of any policy, and its first episode has its choice."""
     for word in range(4):
-        choosing.words[lane, word] = choosing.dice[task, word]
+        choosing.words[lane, word] = choosing.rng[task, word]
     for policy in range(len(choosing.policies)):
         choosing.tried[lane, policy], choosing.mean[lane, policy] = 0, 0.0
     choosing.best[lane] = 0.0

@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="untyped-decorator"
 """Worlds that are stepped through in Python: the compiled loop calls back, and all else of it stays as it is.
 
-An episode's chance is a seed that its start draws from the task's own stream, so that nothing depends on what else is learned,
+An episode's randomness is a seed, drawn by its start from the task's own stream, so that nothing depends on what else is learned,
 nor on how many episodes came before. A step costs what its Python costs and a few microseconds; threads wait for each other.
 """
 
@@ -18,9 +18,9 @@ from llvmlite import ir
 from numba import extending, types
 
 from qinit_cli.arrays import Integers
-from qinit_cli.kernels.dice import THIRTY_TWO, Words, draw
-from qinit_cli.kernels.stepping import LOST, SteppedWorlds, starts, steps
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.generic_loop import LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, draw
+from qinit_cli.learning import QLearning
 
 intrinsic: Any = extending.intrinsic
 
@@ -32,11 +32,11 @@ class Simulator(Protocol):
     """One task, simulated in Python."""
 
     def start(self, seed: int) -> int:
-        """Begins an episode, all of whose chance comes from the seed (below 2^32); the table's state."""
+        """Begins an episode, all of whose randomness comes from the seed (below 2^32); the table's state."""
         ...
 
     def step(self, action: int) -> int:
-        """The table's state that the action leads to, stepping.GOAL, stepping.LOST or stepping.CUT - state."""
+        """The table's state that the action leads to, GOAL, LOST or CUT - state."""
         ...
 
 
@@ -54,7 +54,7 @@ class PythonWorlds:
     simulators: Callable[[int, int], Simulator]  # of a task's place in the batch, and the horizon
     states: int
     actions: int
-    dice: Words  # (B, 4)
+    rng: Words  # (B, 4)
     around: AbstractContextManager[Any] = field(
         default_factory=nullcontext
     )  # entered while tasks are learned
@@ -64,7 +64,7 @@ class PythonWorlds:
     lanes: ClassVar[int] = 1  # none of them could go on while another waits for Python
 
     def __len__(self) -> int:
-        return len(self.dice)
+        return len(self.rng)
 
     def __enter__(self) -> PythonWorlds:
         self.around.__enter__()
@@ -78,7 +78,7 @@ class PythonWorlds:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, Any]:
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, Any]:
         """The loop, which raises what a simulator has raised, and the world it takes."""
 
         def start(task: int, seed: int) -> int:
@@ -92,7 +92,7 @@ class PythonWorlds:
 
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-        called = SteppedWorlds(PythonWorld(*addresses), self.states, self.actions, self.dice)
+        called = SteppedWorlds(PythonWorld(*addresses), self.states, self.actions, self.rng)
         compiled, world = called.loop(learning, lanes)
 
         def advance(blocks: int, *arguments: Any) -> None:
@@ -130,10 +130,10 @@ def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
 
 
 @starts(PythonWorld)
-def _start(world, task, lane, dice, anywhere):
-    return _call(world.start, np.int64(task), np.int64(draw(dice) >> THIRTY_TWO))
+def _start(world, task, lane, rng, anywhere):
+    return _call(world.start, np.int64(task), np.int64(draw(rng) >> THIRTY_TWO))
 
 
 @steps(PythonWorld, cuts=True)
-def _step(world, task, lane, state, action, uniform, dice):
+def _step(world, task, lane, state, action, uniform, rng):
     return _call(world.step, np.int64(task), np.int64(action))

@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats
 from qinit_cli.errors import NotAllowed
-from qinit_cli.kernels.dice import Words, below, unit
-from qinit_cli.kernels.stepping import LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.generic_loop import LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.random_streams import Words, below, unit
 
-ROUNDING = 1e-9  # of chances that were added up or divided
+ROUNDING = 1e-9  # of probabilities that were added up or divided
 
 
 @dataclass(frozen=True)
 class Tables:
-    """Where the steps of B tasks lead: up to O outcomes of each action in each state, those that are not there of chance 0.
+    """Where the steps of B tasks lead: up to O outcomes of each action in each state, those that are not there of probability 0.
 
     NotAllowed where a kernel could not take them, naming the first task, state and action that are wrong: next states that
-    are none, chances that are not finite and positive or do not sum to 1. The rows of states that are not open are not summed.
+    are none, probabilities that are not finite and positive or do not sum to 1. Rows of states that are not open are not summed.
     """
 
-    after: NDArray[np.int32]  # (B, S, A, O) the next state, stepping.GOAL or stepping.LOST
-    chance: Floats  # (B, S, A, O), 1 in sum
-    start: Floats  # (B, S) chance that a target's episode starts there
+    after: NDArray[np.int32]  # (B, S, A, O) the next state, GOAL or LOST
+    probability: Floats  # (B, S, A, O), 1 in sum
+    start: Floats  # (B, S) probability that a target's episode starts there
     open: Flags  # (B, S) episodes go on there: where "anywhere" may start
 
     def __post_init__(self) -> None:
@@ -37,40 +37,40 @@ class Tables:
     def __len__(self) -> int:
         return len(self.after)
 
-    def worlds(self, dice: Words) -> SteppedWorlds:
-        """The tasks as the compiled loop takes them; `dice` u8 (B, 4) is not used, as a step's own chance is enough."""
+    def worlds(self, rng: Words) -> SteppedWorlds:
+        """The tasks as the compiled loop takes them; `rng` u8 (B, 4) is not used: one uniform a step is enough."""
         _, states, actions, _ = self.after.shape
         places = np.argsort(~self.open, axis=1, kind="stable").astype(np.int32)
         world = TableWorld(
             after=np.ascontiguousarray(self.after, np.int32),
-            limits=_cumulative(self.chance),
+            limits=_cumulative(self.probability),
             start=_cumulative(self.start),
             places=places,
             count=self.open.sum(axis=1).astype(np.int64),
         )
-        return SteppedWorlds(world, states, actions, dice)
+        return SteppedWorlds(world, states, actions, rng)
 
 
 class TableWorld(NamedTuple):
     """The tables of a batch as the loop reads them."""
 
     after: Any  # i4 (B, S, A, O)
-    limits: Any  # f8 (B, S, A, O) running sums of the chances
+    limits: Any  # f8 (B, S, A, O) running sums of the probabilities
     start: Any  # f8 (B, S) running sums
     places: Any  # i4 (B, S) the open states first
     count: Any  # i8 (B,) of them
 
 
 @starts(TableWorld)
-def start(world, task, lane, dice, anywhere):
+def start(world, task, lane, rng, anywhere):
     """A state drawn from the target's starts, or any open one."""
     if anywhere:
-        return np.int64(world.places[task, below(dice, world.count[task])])
-    return np.searchsorted(world.start[task], unit(dice), side="right")
+        return np.int64(world.places[task, below(rng, world.count[task])])
+    return np.searchsorted(world.start[task], unit(rng), side="right")
 
 
 @steps(TableWorld)
-def step(world, task, lane, state, action, uniform, dice):
+def step(world, task, lane, state, action, uniform, rng):
     """The outcome whose share of [0, 1) the uniform falls into."""
     outcome = 0
     while uniform >= world.limits[task, state, action, outcome]:
@@ -78,10 +78,10 @@ def step(world, task, lane, state, action, uniform, dice):
     return np.int64(world.after[task, state, action, outcome])
 
 
-def _cumulative(chances: Floats) -> Floats:
-    """Running sums over the last axis; from the last chance that is not 0 on they are 2, whatever rounding did."""
-    sums: Floats = np.cumsum(chances, axis=-1)
-    rest = np.cumsum(chances[..., ::-1], axis=-1)[..., ::-1]  # of the chances from here on
+def _cumulative(probabilities: Floats) -> Floats:
+    """Running sums over the last axis; from the last probability that is not 0 on they are 2, whatever rounding did."""
+    sums: Floats = np.cumsum(probabilities, axis=-1)
+    rest = np.cumsum(probabilities[..., ::-1], axis=-1)[..., ::-1]  # of the probabilities from here on
     following = np.concatenate([rest[..., 1:], np.zeros_like(rest[..., :1])], axis=-1)
     sums[following == 0] = 2.0
     return sums
@@ -89,18 +89,20 @@ def _cumulative(chances: Floats) -> Floats:
 
 def _fault(tables: Tables) -> str:
     """The first thing that is wrong with them, with its place; empty if nothing."""
-    after, chance, start, open = tables.after, tables.chance, tables.start, tables.open
-    if after.ndim != 4 or chance.shape != after.shape or not start.shape == open.shape == after.shape[:2]:
-        shapes = ", ".join(str(each.shape) for each in (after, chance, start, open))
-        return (
-            f"after, chance, start and open have the shapes {shapes}, not (B, S, A, O) twice and (B, S) twice"
-        )
+    after, probability, start, open = tables.after, tables.probability, tables.start, tables.open
+    if (
+        after.ndim != 4
+        or probability.shape != after.shape
+        or not start.shape == open.shape == after.shape[:2]
+    ):
+        shapes = ", ".join(str(each.shape) for each in (after, probability, start, open))
+        return f"after, probability, start and open have the shapes {shapes}, not (B, S, A, O) twice and (B, S) twice"
     if after.dtype.kind not in "iu" or open.dtype.kind != "b":
         return f"after and open are of {after.dtype} and {open.dtype}, not of integers and of bool"
     states = after.shape[1]
     nowhere = (after < LOST) | (after >= states)
-    improper = ~((chance >= -ROUNDING) & (chance <= 1 + ROUNDING))  # NaN is neither
-    unlikely = open[..., None] & ~(np.abs(chance.sum(axis=-1) - 1) <= ROUNDING)
+    improper = ~((probability >= -ROUNDING) & (probability <= 1 + ROUNDING))  # NaN is neither
+    unlikely = open[..., None] & ~(np.abs(probability.sum(axis=-1) - 1) <= ROUNDING)
     if nowhere.any():
         place = _first(nowhere)
         return (
@@ -108,18 +110,20 @@ def _fault(tables: Tables) -> str:
         )
     if improper.any():
         place = _first(improper)
-        return f"{_told(place)} has an outcome of chance {chance[place]:g}, which is not within 0 and 1"
+        return f"{_told(place)} has an outcome of probability {probability[place]:g}, which is not within 0 and 1"
     if unlikely.any():
         place = _first(unlikely)
-        return f"{_told(place)} has outcomes whose chances sum to {chance[place].sum():g}, not 1"
+        return f"{_told(place)} has outcomes whose probabilities sum to {probability[place].sum():g}, not 1"
     improper = ~((start >= -ROUNDING) & (start <= 1 + ROUNDING))
     if improper.any():
         task, state = _first(improper)
-        return f"task {task} of the batch starts in state {state} with chance {start[task, state]:g}, which is not within 0 and 1"
+        return f"task {task} of the batch starts in state {state} with probability {start[task, state]:g}, not within 0 and 1"
     unlikely = ~(np.abs(start.sum(axis=-1) - 1) <= ROUNDING)
     if unlikely.any():
         task = _first(unlikely)[0]
-        return f"the chances of where task {task} of the batch starts sum to {start[task].sum():g}, not 1"
+        return (
+            f"the probabilities of where task {task} of the batch starts sum to {start[task].sum():g}, not 1"
+        )
     closed = np.asarray(~open.any(axis=-1))
     if closed.any():
         return f"task {_first(closed)[0]} of the batch has no state in which its episodes go on"

@@ -2,7 +2,7 @@
 """Exact tables of tasks that are given by their transitions: value iteration, the value of exploring on it, and paths.
 
 Entering the goal is worth 1, being lost 0, any other state gamma * V. Arrays as in kernels.tables: after i4 (B, S, A, O) with
-GOAL and LOST, chance f8 (B, S, A, O), open b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
+GOAL and LOST, probability f8 (B, S, A, O), open b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from qinit_cli.kernels.compiled import compiled, inlined
-from qinit_cli.kernels.stepping import GOAL
+from qinit_cli.kernels.generic_loop import GOAL
 
 ROUNDING = 2.0**-52  # V is at most 1: changes below this are rounding, whatever tolerance was asked
 RELATIVE = 1e-10  # change in a sweep, of every state's own value: logarithms of small values are fitted
@@ -26,11 +26,11 @@ def _worth(entering, after):
 
 
 @inlined
-def _value(entering, after, chance):
+def _value(entering, after, probability):
     """The mean of what the outcomes (O,) of an action are worth."""
     mean = 0.0
     for outcome in range(len(after)):
-        mean += chance[outcome] * _worth(entering, after[outcome])
+        mean += probability[outcome] * _worth(entering, after[outcome])
     return mean
 
 
@@ -41,7 +41,7 @@ def _limit(tolerance, gamma):
 
 
 @compiled
-def solve(after, chance, open, gamma, tolerance, q, td_var):
+def solve(after, probability, open, gamma, tolerance, q, td_var):
     """Writes Q* into `q` and the variance of a step's target under it into `td_var`, both (B, S, A).
 
     Gauss-Seidel value iteration, sweeping up and down in turns; it ends once V changes by no more than tolerance and RELATIVE.
@@ -59,7 +59,8 @@ def solve(after, chance, open, gamma, tolerance, q, td_var):
                     best = 0.0
                     for action in range(actions):
                         best = max(
-                            best, _value(entering, after[task, state, action], chance[task, state, action])
+                            best,
+                            _value(entering, after[task, state, action], probability[task, state, action]),
                         )
                     value = gamma * best
                     allowed = min(_limit(tolerance, gamma), RELATIVE * value)
@@ -69,7 +70,7 @@ def solve(after, chance, open, gamma, tolerance, q, td_var):
             for action in range(actions):
                 q[task, state, action] = td_var[task, state, action] = 0.0
                 if open[task, state]:
-                    there, odds = after[task, state, action], chance[task, state, action]
+                    there, odds = after[task, state, action], probability[task, state, action]
                     mean = _value(entering, there, odds)
                     squares = 0.0
                     for outcome in range(outcomes):
@@ -79,7 +80,7 @@ def solve(after, chance, open, gamma, tolerance, q, td_var):
 
 
 @compiled
-def exploring_value(after, chance, open, gamma, epsilon, tolerance, q, value):
+def exploring_value(after, probability, open, gamma, epsilon, tolerance, q, value):
     """Writes into `value` (B, S) what acting epsilon-greedily on `q` (B, S, A) is worth from each state, ties shared equally."""
     states, actions = after.shape[1], after.shape[2]
     share = np.empty((states, actions))
@@ -101,7 +102,7 @@ def exploring_value(after, chance, open, gamma, epsilon, tolerance, q, value):
                     mean = 0.0
                     for action in range(actions):
                         mean += share[state, action] * _value(
-                            entering, after[task, state, action], chance[task, state, action]
+                            entering, after[task, state, action], probability[task, state, action]
                         )
                     change = max(change, abs(gamma * mean - entering[state]))
                     entering[state] = gamma * mean
@@ -110,14 +111,14 @@ def exploring_value(after, chance, open, gamma, epsilon, tolerance, q, value):
 
 
 @inlined
-def _likeliest(after, chance):
+def _likeliest(after, probability):
     """The most likely of the outcomes (O,); of equally likely ones the goal, else the lowest state, being lost last."""
     best, best_chance = after[0], -1.0
     for outcome in range(len(after)):
         there, odds = after[outcome], 0.0
         for other in range(len(after)):
-            odds += chance[other] * (after[other] == there)
-        # the same chances added in another order differ by an ulp: that is a tie
+            odds += probability[other] * (after[other] == there)
+        # the same probabilities added in another order differ by an ulp: that is a tie
         tied = abs(odds - best_chance) <= 1e-12
         lower = there == GOAL or (best != GOAL and np.uint32(there) < np.uint32(best))  # LOST is the largest
         if (tied and lower) or (not tied and odds > best_chance):
@@ -126,7 +127,7 @@ def _likeliest(after, chance):
 
 
 @compiled
-def path_lengths(after, chance, open, q, eopl):
+def path_lengths(after, probability, open, q, eopl):
     """Writes into `eopl` i4 (B, S, A) the expected optimal path lengths; definition 1 of the paper.
 
     H(s, a) = 1 + H(s', pi(s')), s' the likeliest next state, pi greedy in the task's own `q` (first of equals). -1 where the
@@ -140,7 +141,7 @@ def path_lengths(after, chance, open, q, eopl):
     for task in range(len(after)):
         for state in range(states):
             greedy = np.argmax(q[task, state])
-            following[state] = _likeliest(after[task, state, greedy], chance[task, state, greedy])
+            following[state] = _likeliest(after[task, state, greedy], probability[task, state, greedy])
             steps[state] = unknown if open[task, state] else NEVER
         for origin in range(states):
             state, count = np.int64(origin), 0
@@ -162,13 +163,13 @@ def path_lengths(after, chance, open, q, eopl):
                 if not open[task, state]:
                     eopl[task, state, action] = NEVER
                     continue
-                there = np.int64(_likeliest(after[task, state, action], chance[task, state, action]))
+                there = np.int64(_likeliest(after[task, state, action], probability[task, state, action]))
                 rest = steps[there] if there >= 0 else (0 if there == GOAL else NEVER)
                 eopl[task, state, action] = rest + 1 if rest >= 0 else NEVER
 
 
 @compiled
-def greedy_visits(after, chance, start, q, horizon, visits):
+def greedy_visits(after, probability, start, q, horizon, visits):
     """Writes into `visits` i4 (B, S) the states on the way of likeliest steps, greedy in `q`, from the likeliest start (B, S).
 
     Zeros where that way does not reach the goal within the horizon.
@@ -179,7 +180,7 @@ def greedy_visits(after, chance, start, q, horizon, visits):
         for _ in range(horizon):
             visits[task, state] += 1
             action = np.argmax(q[task, state])
-            state = np.int64(_likeliest(after[task, state, action], chance[task, state, action]))
+            state = np.int64(_likeliest(after[task, state, action], probability[task, state, action]))
             if state < 0:
                 break
         if state != GOAL:
@@ -187,8 +188,8 @@ def greedy_visits(after, chance, start, q, horizon, visits):
 
 
 @compiled
-def arrival(after, chance, start, q, horizon, share):
-    """Writes into `share` (B,) the chance that greedy episodes from `start` (B, S) reach the goal within the horizon."""
+def arrival(after, probability, start, q, horizon, share):
+    """Writes into `share` (B,) the probability that greedy episodes from `start` (B, S) reach the goal within the horizon."""
     states, outcomes = after.shape[1], after.shape[3]
     there, then = np.empty(states), np.empty(states)
     for task in range(len(after)):
@@ -202,7 +203,7 @@ def arrival(after, chance, start, q, horizon, share):
                     action = np.argmax(q[task, state])
                     for outcome in range(outcomes):
                         after_it = after[task, state, action, outcome]
-                        flow = there[state] * chance[task, state, action, outcome]
+                        flow = there[state] * probability[task, state, action, outcome]
                         if after_it >= 0:
                             then[after_it] += flow
                             on_the_way += flow
@@ -214,7 +215,7 @@ def arrival(after, chance, start, q, horizon, share):
 
 
 @compiled
-def distances(after, chance, start, steps):
+def distances(after, probability, start, steps):
     """Writes into `steps` i8 (B,) the fewest steps that could lead from a start (B, S) to the goal; NEVER if there is no way."""
     states, actions, outcomes = after.shape[1:]
     queue = np.empty(states, np.int64)
@@ -233,7 +234,7 @@ def distances(after, chance, start, steps):
             for action in range(actions):
                 for outcome in range(outcomes):
                     there = after[task, state, action, outcome]
-                    if chance[task, state, action, outcome] > 0.0:
+                    if probability[task, state, action, outcome] > 0.0:
                         if there == GOAL and steps[task] == NEVER:
                             steps[task] = far[state] + 1
                         elif there >= 0 and far[there] == NEVER:

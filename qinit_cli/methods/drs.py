@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from qinit_cli.fields import option
 from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
 from qinit_cli.methods.zero import Zero
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats

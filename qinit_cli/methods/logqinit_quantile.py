@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import option
 from qinit_cli.methods.method import Initialisation, Look
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.fields import option
 from qinit_cli.methods.method import Look
 from qinit_cli.methods.plus import Plus
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables
@@ -29,18 +29,18 @@ class OpsTl(Plus):
     )
     c: float = option(0.1, "Weight of the bound on a policy that was seldom tried.", low=0)
     psi0: float = option(
-        1.0, "Chance of following the policy at the first step of the first episode.", low=0, high=1
+        1.0, "Probability of following the policy at the first step of the first episode.", low=0, high=1
     )
     rho: float = option(
         0.99,
-        "Factor on that chance from episode to episode.",
+        "Factor on that probability from episode to episode.",
         low=0,
         high=1,
         grid=(0.9, 0.97, 0.99, 0.999, 1.0),
     )
     nu: float = option(
         0.98,
-        "Factor on that chance from step to step within an episode.",
+        "Factor on that probability from step to step within an episode.",
         low=0,
         high=1,
         grid=(0.9, 0.98, 0.995, 1.0),
@@ -48,7 +48,9 @@ class OpsTl(Plus):
     explore_while_following: bool = option(False, "Explore with epsilon while following, as the others do.")
 
     name: ClassVar[str] = "ops-tl"
-    formula: ClassVar[str] = "argmax_j W_j + c sqrt(2 ln k / n_j), followed with chance psi0 rho^(k-1) nu^t"
+    formula: ClassVar[str] = (
+        "argmax_j W_j + c sqrt(2 ln k / n_j), followed with probability psi0 rho^(k-1) nu^t"
+    )
     look: ClassVar[Look] = Look("#009E73", "d", "\\\\\\\\")
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 600}
     speed: ClassVar[float] = 0.45  # policies are chosen

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from qinit_cli.fields import option
 from qinit_cli.methods.method import Initial, Initialisation, Method
 from qinit_cli.methods.zero import Zero
 from qinit_cli.nearest import nearest
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from qinit_cli.fields import options
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.zero import Zero
+from qinit_cli.options import options
 
 
 def stored(told: Mapping[str, Any]) -> Method | None:

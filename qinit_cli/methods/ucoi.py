@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from qinit_cli.fields import option
 from qinit_cli.methods.method import Initialisation, Look
+from qinit_cli.options import option
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats

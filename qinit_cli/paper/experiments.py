@@ -312,7 +312,7 @@ def distribution(family: Family) -> str:
 def _fig4(study: Study) -> Experiment:
     fits = tuple(study.fit(family) for family in study.gridworlds)
     caption = (
-        "Top: the chance that a task's goal is in a cell. Below: what each method starts from, largest over actions; one "
+        "Top: the probability that a task's goal is in a cell. Below: what each method starts from, largest over actions; one "
         f"column for each distribution of goals. Each from {study.sources_told(study.gridworld)}."
     )
     return Experiment(

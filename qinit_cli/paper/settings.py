@@ -12,7 +12,7 @@ from typing import Any
 
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting, noise, variance
 from qinit_cli.environments import Family, family_of
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 
 Spec = Mapping[str, Any]
 Differences = dict[str, Any]  # by name
@@ -108,7 +108,7 @@ def _fit_differences(spec: Spec) -> Differences:
     return {name: spec[name] for name, usual in PLAIN_FIT.items() if spec.get(name, usual) != usual}
 
 
-def _learning_differences(learning: Mapping[str, Any], usual: Learning) -> Differences:
+def _learning_differences(learning: Mapping[str, Any], usual: QLearning) -> Differences:
     return {name: value for name, value in learning.items() if value != getattr(usual, name)}
 
 

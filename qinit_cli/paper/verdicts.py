@@ -175,12 +175,12 @@ def _tested(artefact: Artefact, family: Family) -> LengthTests:
     return LengthTests(**arrays, among_goals=_among(family.goal_chances()))
 
 
-def _among(chances: Floats) -> Any:
-    """The smallest set of states that holds AMONG_GOALS of the chances (S,); nowhere where all are 0."""
-    order = np.argsort(-chances, kind="stable")
-    before = np.cumsum(chances[order]) - chances[order]
-    among = np.zeros(len(chances), np.bool_)
-    among[order] = (before < AMONG_GOALS) & (chances[order] > 0)
+def _among(probabilities: Floats) -> Any:
+    """The smallest set of states that holds AMONG_GOALS of the probabilities (S,); nowhere where all are 0."""
+    order = np.argsort(-probabilities, kind="stable")
+    before = np.cumsum(probabilities[order]) - probabilities[order]
+    among = np.zeros(len(probabilities), np.bool_)
+    among[order] = (before < AMONG_GOALS) & (probabilities[order] > 0)
     return among
 
 
@@ -195,7 +195,7 @@ def _maps(artefact: Artefact, family: Family) -> Maps:
     fit = FittedTables.from_arrays(arrays, family.goal_chances().size, artefact.spec["estimator"])
     methods = initialisations()
     return Maps(
-        chances=family.goal_chances().reshape(family.shape),
+        probabilities=family.goal_chances().reshape(family.shape),
         starts={
             name: start(methods[name](), fit, family).max(axis=1).reshape(family.shape) for name in MAPPED
         },

@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args, get_type_hints
 from qinit_cli import cores
 from qinit_cli.environments import Family
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, flag, option, options
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.nearest import nearest
+from qinit_cli.options import check, flag, option, options
 
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
 MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
@@ -29,7 +29,7 @@ class LearningSources:
     horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
     alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
     gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
-    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1, seldom=True)
+    epsilon: float | None = option(None, "Probability that a step explores.", low=0, high=1, seldom=True)
     start: Literal["anywhere", "fixed"] | None = option(
         None, "Where episodes start: anywhere, or where target tasks start.", seldom=True
     )
@@ -42,7 +42,7 @@ class LearningSources:
                 f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out"
             )
 
-    def learning(self, family: type[Family]) -> Learning:
+    def learning(self, family: type[Family]) -> QLearning:
         """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
@@ -55,13 +55,13 @@ class LearningTargets:
 
     tasks: int | None = option(None, "Target tasks.", low=1, metavar="N")
     seed: int = option(
-        0, "Root of the targets' randomness: every method meets the same tasks and dice.", low=0
+        0, "Root of the targets' randomness: every method meets the same tasks and random streams.", low=0
     )
     episodes: int | None = option(None, "Episodes of each task.", low=1)
     horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
     alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
     gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
-    epsilon: float | None = option(None, "Chance that a step explores.", low=0, high=1, seldom=True)
+    epsilon: float | None = option(None, "Probability that a step explores.", low=0, high=1, seldom=True)
     start: Literal["anywhere", "fixed"] | None = option(
         None, "Where episodes start: at the family's target start, or anywhere.", seldom=True
     )
@@ -83,7 +83,7 @@ class LearningTargets:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: dict[str, Any]) -> Learning:
+    def learning(self, family: Family, sources: dict[str, Any]) -> QLearning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
         given = {name: sources[name] for name in FROM_SOURCES}
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
@@ -129,7 +129,7 @@ class Living:
 
 
 @dataclass(frozen=True)
-class Rehearsing:
+class CrossValidating:
     """How sources are learned in the place of targets; what is not given is as for targets."""
 
     episodes: int | None = option(
@@ -142,14 +142,14 @@ class Rehearsing:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: dict[str, Any]) -> Learning:
+    def learning(self, family: Family, sources: dict[str, Any]) -> QLearning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources; UsageError where that cannot be."""
         given = {name: sources[name] for name in FROM_SOURCES}
         asked = {} if self.episodes is None else {"episodes": self.episodes}
         return _changed(family.target_learning, given | asked)
 
 
-def _changed(usual: Learning, asked: dict[str, Any]) -> Learning:
+def _changed(usual: QLearning, asked: dict[str, Any]) -> QLearning:
     try:
         return replace(usual, **asked)
     except ValueError as error:

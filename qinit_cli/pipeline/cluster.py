@@ -46,7 +46,9 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-SCHEDULER_SECONDS = 5.0  # that a scheduler may take to answer
+SCHEDULER_SECONDS = (
+    30.0  # that a scheduler may take to answer, as Dask's own clients grant it: a busy one takes many
+)
 VERSION_SECONDS = 30.0  # that the workers may take to say what they have installed: they import it for that
 WORKER_SECONDS = 10.0  # that the first worker may take to appear
 CLOSE_SECONDS = (

@@ -203,7 +203,7 @@ def _alternatives(q: Floats, *, folds: Integers) -> dict[str, Any]:
 
 
 def _log_path(sample: Block, family: Family) -> Floats:
-    """ln of the chance of each path, (N, STATE, A)."""
+    """ln of the probability of each path, (N, STATE, A)."""
     eopl = sample["eopl"]
     drawn = {column.name: column.dtype for column in family.parameters()}
     tasks: Tasks = np.empty(len(eopl), list(drawn.items()))

@@ -189,6 +189,7 @@ def _learn_missing(
         plan.begin(artefact)
     watch = Watch()
     waiting = _Waiting(artefact, tally)
+    first = ""  # failure
     with (
         reporter.compiling(plan.kernel),
         _crew(plan, machine, watch) as crew,
@@ -200,6 +201,7 @@ def _learn_missing(
             progress.advance(len(learned.ids))
             for task, error in learned.failures:
                 tally.failed += 1
+                first = first or f"task {task} failed ({type(error).__name__}: {error})"
                 reporter.note(_failure(task, error, plan, command))
                 if machine.fail_fast:
                     watch.stop()
@@ -211,7 +213,7 @@ def _learn_missing(
     if received:
         raise Interrupted(f"stopped: {saved}", 128 + received[0])
     if tally.failed and (machine.fail_fast or not len(artefact.saved)):
-        raise TasksFailed(f"stopped after a task failed: {saved}")
+        raise TasksFailed(f"stopped after {first}: {saved}")
     return tally
 
 
@@ -221,7 +223,7 @@ def _crew(plan: Plan, machine: Machine, watch: Watch) -> AbstractContextManager[
         from qinit_cli.environments.modules import travelling
         from qinit_cli.pipeline import cluster
 
-        return cluster.crew(machine.dask, travelling(plan.learn), watch, plan.schema)
+        return cluster.crew(machine.dask, travelling(plan.learn, plan.spec["family"]), watch, plan.schema)
     from qinit_cli.pipeline.workers import threads_here
 
     return threads_here(machine.threads, plan.learn, watch)

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 
 from qinit_cli import cores
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.errors import TasksFailed
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.methods.targets import no_tables
 from qinit_cli.pipeline.job import make
 from qinit_cli.pipeline.keeping import Keeping
@@ -81,7 +81,7 @@ class OptimalTables:
         return q
 
     def _learned(self) -> Floats:
-        settings = replace(Learning(**self.sources), gamma=self.targets.learning.gamma)
+        settings = replace(QLearning(**self.sources), gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
         self.reporter.note(
             f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",

@@ -100,7 +100,7 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
 
 def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
-    from qinit_cli.kernels.dice import lane_seeds, seeds
+    from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
     family = sources.family
     worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
@@ -109,7 +109,7 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
         sources.learning,
         Start(np.zeros((worlds.states, worlds.actions))),
         LaneStreams(
-            dice=lane_seeds(sequences(sources.seed, sources.streams.dice, indices)),
+            rng=lane_seeds(sequences(sources.seed, sources.streams.rng, indices)),
             starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
         ),
         Records(sources.bins, visits=True, td_var=True),

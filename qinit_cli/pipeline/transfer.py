@@ -130,7 +130,7 @@ def learn_targets(
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
     from qinit_cli.analysis.returns import discounted_returns
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
-    from qinit_cli.kernels.dice import lane_seeds, seeds
+    from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
     family, learning = targets.family, targets.learning
     tasks = targets.draw(indices)
@@ -140,7 +140,7 @@ def learn_targets(
         learning,
         Start(own.start, own.potential if own.potential.any() else None, own.policies, own.hypotheses),
         LaneStreams(
-            dice=lane_seeds(sequences(targets.seed, targets.streams.dice, indices)),
+            rng=lane_seeds(sequences(targets.seed, targets.streams.rng, indices)),
             starts=seeds(sequences(targets.seed, targets.streams.start, indices)),
             evaluation=seeds(sequences(targets.seed, targets.streams.evaluation, indices)),
             choices=seeds(sequences(targets.seed, targets.streams.choice, indices)),

@@ -1,7 +1,7 @@
 """Choosing a method's parameters by its sources alone: each source stands in for a target, the method knowing the others.
 
 The sources are split into folds; a fit of all others is what the method starts the sources of a fold with, and these are
-learned as targets are. No target and none of the targets' dice are seen, so that the choice cannot flatter a comparison.
+learned as targets are. No target and none of the targets' random streams are seen, so that the choice flatters no comparison.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from qinit_cli.artefacts.choice import Choice
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.environments import Family, family_of
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS, Method
+from qinit_cli.options import flag, options
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from qinit_cli.fields import flag, options
+from qinit_cli.options import flag, options
 
 
 def option_words(instance: Any) -> list[str]:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.plots import legend
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.looks import Appearance, appearances

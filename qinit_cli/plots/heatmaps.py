@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import distinct, distribution, listed, number, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
@@ -87,7 +87,7 @@ class HeatmapsPlot(Plot):
         "The start, largest over actions; or a table of the fits, at the action of the largest mean.",
     )
     scale: Literal["linear", "log"] = option("linear", "Colours by the value, or by its logarithm.")
-    bare: bool = option(False, "Leave out the chances of the goal.")
+    bare: bool = option(False, "Leave out the probabilities of the goal.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,16 +146,16 @@ def _sides(families: list[Family]) -> tuple[Side, Side]:
 
 
 def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Iterator[Layer]:
-    """The chances of the goal, where it differs from task to task."""
+    """The probabilities of the goal, where it differs from task to task."""
     from qinit_cli.plots.style import CHANCE_COLOURS
 
-    chances = {
+    probabilities = {
         ("goals", name): panels.family.goal_chances().reshape(shape)
         for name, panels in zip(names, found, strict=True)
     }
-    changing = {name: chance for name, chance in chances.items() if chance.any()}
+    changing = {name: probability for name, probability in probabilities.items() if probability.any()}
     if changing:
-        yield Layer("chance that the goal is there", changing, logarithmic=True, colours=CHANCE_COLOURS)
+        yield Layer("probability that the goal is there", changing, logarithmic=True, colours=CHANCE_COLOURS)
 
 
 def _layer(

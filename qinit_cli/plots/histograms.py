@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import listed, number, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fields import option
+from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, firsts

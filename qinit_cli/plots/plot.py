@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from qinit_cli.fields import check
+from qinit_cli.options import check
 from qinit_cli.plots.style import COLUMN, TEXT
 
 if TYPE_CHECKING:

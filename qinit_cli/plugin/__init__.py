@@ -7,23 +7,23 @@ These names stay. Here are those that cost nothing to import: a plug-in's module
 from qinit_cli.environments.bases import NeutralFamily, TableFamily
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fields import check, option
 from qinit_cli.fitted import FittedTables as Fit
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.methods.method import Initialisation, Look, Method
 from qinit_cli.methods.plus import Plus
 from qinit_cli.methods.targets import Targets
+from qinit_cli.options import check, option
 
 __all__ = [
     "Family",
     "Fit",
     "Initialisation",
-    "Learning",
     "Look",
     "Method",
     "NeutralFamily",
     "NotAllowed",
     "Plus",
+    "QLearning",
     "TableFamily",
     "Targets",
     "check",

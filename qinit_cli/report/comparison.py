@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from qinit_cli.report.content import Block, Cell, Folded, PageColumn, Table
-from qinit_cli.report.numbers import chance, interval, number
+from qinit_cli.report.numbers import interval, number, probability
 
 Compared = dict[str, Any]  # the JSON object
 Row = dict[str, Any]
@@ -137,5 +137,5 @@ def _method(row: Row) -> Cell:
 
 def _cell(row: Row, key: str) -> Cell:
     if key == "p":
-        return Cell(chance(row[key]))
+        return Cell(probability(row[key]))
     return Cell(number(row[key]), interval(row.get(f"{key}_low"), row.get(f"{key}_high")))

@@ -51,7 +51,7 @@ def _tuned(path: Path) -> dict[str, Any]:
     """What choosing parameters found."""
     from qinit_cli.artefacts.choice import Choice, row, sentences
     from qinit_cli.artefacts.opening import open_artefact
-    from qinit_cli.fields import flag
+    from qinit_cli.options import flag
 
     with open_artefact(path, "tuning") as artefact:
         choice = Choice.of(artefact)

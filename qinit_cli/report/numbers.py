@@ -28,7 +28,7 @@ def interval(low: Any, high: Any) -> str:
     return "" if low is None or high is None else f"[{number(low)}, {number(high)}]"
 
 
-def chance(p: Any) -> str:
+def probability(p: Any) -> str:
     """A p-value."""
     return f"< {LEAST_P}" if isinstance(p, float) and p < LEAST_P else number(p)
 

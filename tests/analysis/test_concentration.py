@@ -14,9 +14,9 @@ def test_equal_weights_count_in_full_and_one_alone_counts_as_one() -> None:
 
 def test_the_effective_number_is_the_exponential_of_renyis_entropy_of_order_two() -> None:
     weights = np.random.default_rng(0).dirichlet(np.ones(6), size=(4, 3))
-    # differential_entropy has no order two; the entropy of order two is minus the log of the chance that two draws agree
-    chance = np.array([[sum(each * each for each in row) for row in block] for block in weights])
-    np.testing.assert_allclose(effective_number(weights), np.exp(-np.log(chance)))
+    # differential_entropy has no order two; the entropy of order two is minus the log of the probability that two draws agree
+    probability = np.array([[sum(each * each for each in row) for row in block] for block in weights])
+    np.testing.assert_allclose(effective_number(weights), np.exp(-np.log(probability)))
     assert (effective_number(weights) <= np.exp(stats.entropy(weights, axis=-1))).all()
 
 

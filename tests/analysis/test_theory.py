@@ -28,8 +28,8 @@ def test_certain_tasks_are_worth_gamma_to_one_step_less_than_the_paper_says() ->
 
 def test_the_product_form_is_right_where_every_slip_ends_the_task() -> None:
     eopl = lengths()
-    chance = np.random.default_rng(1).uniform(0.6, 0.9, (60, 1, 1))
-    log_path = eopl * np.log(chance)
+    probability = np.random.default_rng(1).uniform(0.6, 0.9, (60, 1, 1))
+    log_path = eopl * np.log(probability)
     found = theory(GAMMA**eopl * np.exp(log_path), eopl, GAMMA, log_path)
     np.testing.assert_allclose(found.product.spread, 0, atol=1e-12)
     assert (found.length.bias > 1).all()

@@ -21,7 +21,7 @@ class World(ABC):
     actions: list[int]
 
     def __init__(self) -> None:
-        self.chance = random.Random(0)
+        self.probability = random.Random(0)
         self.time = 0
 
     @abstractmethod
@@ -59,13 +59,13 @@ class Gridworld(World):
         """Any cell but the goal."""
         self.cell = GOAL
         while self.cell == GOAL:
-            self.cell = self.chance.randrange(SIZE * SIZE)
+            self.cell = self.probability.randrange(SIZE * SIZE)
         return self.cell
 
     def move(self, action: int) -> tuple[int, bool]:
         """The cell it leads to, unless it slips."""
-        if self.chance.random() >= P:
-            action = (action + 1 + self.chance.randrange(3)) % 4
+        if self.probability.random() >= P:
+            action = (action + 1 + self.probability.randrange(3)) % 4
         down, across = self.moves[action]
         row, column = divmod(self.cell, SIZE)
         row, column = min(max(row + down, 0), SIZE - 1), min(max(column + across, 0), SIZE - 1)
@@ -80,8 +80,8 @@ class MountainCar(World):
 
     def start(self) -> int:
         """The bin of any position and velocity."""
-        self.position = self.chance.uniform(-1.2, 0.5)
-        self.velocity = self.chance.uniform(-0.07, 0.07)
+        self.position = self.probability.uniform(-1.2, 0.5)
+        self.velocity = self.probability.uniform(-0.07, 0.07)
         return self._bin()
 
     def move(self, action: int) -> tuple[int, bool]:

@@ -28,14 +28,14 @@ def _model() -> DiscreteDP:
     ways = [(np.maximum(row - 1, 0), column), (np.minimum(row + 1, last), column)]
     ways += [(row, np.maximum(column - 1, 0)), (row, np.minimum(column + 1, last))]
     moves = np.stack([down * SIZE + across for down, across in ways], axis=1)  # (S, 4)
-    chances = np.full((cells, 4, 4), (1 - P) / 3)
-    chances[:, np.arange(4), np.arange(4)] = P
-    reward = (chances * (moves == GOAL)[:, None, :]).sum(axis=2)
+    probabilities = np.full((cells, 4, 4), (1 - P) / 3)
+    probabilities[:, np.arange(4), np.arange(4)] = P
+    reward = (probabilities * (moves == GOAL)[:, None, :]).sum(axis=2)
     reward[GOAL] = 0.0
-    after = np.broadcast_to(moves[:, None, :], chances.shape).copy()
+    after = np.broadcast_to(moves[:, None, :], probabilities.shape).copy()
     after[GOAL] = GOAL  # and stays there, for nothing
     pairs = np.repeat(np.arange(cells * 4), 4)
-    steps = scipy.sparse.csr_matrix((chances.ravel(), (pairs, after.ravel())), shape=(cells * 4, cells))
+    steps = scipy.sparse.csr_matrix((probabilities.ravel(), (pairs, after.ravel())), shape=(cells * 4, cells))
     return DiscreteDP(
         reward.ravel(), steps, GAMMA, np.repeat(np.arange(cells), 4), np.tile(np.arange(4), cells)
     )

@@ -28,16 +28,16 @@ def setting() -> Callable[..., Setting]:
 
 @pytest.fixture
 def scores() -> Callable[..., Arms]:
-    """Methods whose average returns are these but for a little chance, over sets that share their targets."""
+    """Methods whose average returns are these but for a little probability, over sets that share their targets."""
 
     def made(means: Mapping[str, float], *, sets: int = 10, spread: float = 0.0005) -> Arms:
-        chance = np.random.default_rng(0)
-        target = chance.normal(0, 0.01, TARGETS)
+        probability = np.random.default_rng(0)
+        target = probability.normal(0, 0.01, TARGETS)
         arms = {}
         for label, mean in means.items():
             reads = label.split()[0] not in FREE
             rows = sets if reads else 1
-            averages = mean + target + spread * chance.standard_normal((rows, TARGETS))
+            averages = mean + target + spread * probability.standard_normal((rows, TARGETS))
             arms[label] = Arm(averages, tuple(("targets", f"set {row}") for row in range(rows)), reads)
         return Arms(arms, shared=True)
 

@@ -29,7 +29,7 @@ def _maps(variance: float, *, wider: float = 1.5, peaks: int | None = None) -> M
     for number in range(int(variance if peaks is None else peaks)):
         rough[5 + 2 * (number // 5), 5 + 2 * (number % 5)] += 2.0
     return Maps(
-        chances=Gridworld(variance=variance).goal_chances().reshape(SIZE, SIZE),
+        probabilities=Gridworld(variance=variance).goal_chances().reshape(SIZE, SIZE),
         starts={"logqinit-median": _bump(5.0), "ucoi": _bump(5.0 * wider), "maxqinit": rough},
     )
 
@@ -55,14 +55,14 @@ def test_maps_the_other_way_round_do_not_hold(setting: At) -> None:
     def reversed_maps(variance: float) -> Maps:
         maps = _maps(variance)
         away = np.exp(-_bump(8.0)) + 0.01 * np.sin(2.5 * ROW) * np.sin(2.5 * COLUMN)
-        return Maps(maps.chances, {"logqinit-median": away, "ucoi": _bump(3.0), "maxqinit": _bump(5.0)})
+        return Maps(maps.probabilities, {"logqinit-median": away, "ucoi": _bump(3.0), "maxqinit": _bump(5.0)})
 
     assert heatmaps.CLAIM.judge(_evidence(setting, reversed_maps)).verdict == "does not hold"
 
 
 def test_rank_correlation_is_scipys_with_ties() -> None:
-    chance = np.random.default_rng(4)
-    first, second = chance.integers(0, 5, 50).astype(float), chance.normal(size=50)
+    probability = np.random.default_rng(4)
+    first, second = probability.integers(0, 5, 50).astype(float), probability.normal(size=50)
     known = stats.spearmanr(first, second).statistic
     assert heatmaps.rank_correlation(first, second) == pytest.approx(known)
     assert np.isnan(heatmaps.rank_correlation(np.ones(50), second))
@@ -84,8 +84,12 @@ def test_4754_samples_follow_from_no_usual_chance_of_failure() -> None:
     assert verdict.value == pytest.approx((1 - 1 / 900) ** 4754)
     assert ceil(log(0.005) / log(1 - 1 / 900)) != 4754
     rows = {row.label: row.value for row in verdict.details}
-    assert rows["uniform goals: samples for chance of failure 0.005"] == ceil(log(0.005) / log(1 - 1 / 900))
-    tasks = rows["uniform goals: equally likely tasks that chance of failure 0.05 takes 4754 samples for"]
+    assert rows["uniform goals: samples for probability of failure 0.005"] == ceil(
+        log(0.005) / log(1 - 1 / 900)
+    )
+    tasks = rows[
+        "uniform goals: equally likely tasks that probability of failure 0.05 takes 4754 samples for"
+    ]
     assert tasks is not None
     assert log(0.05) / log(1 - 1 / tasks) == pytest.approx(4754)
 

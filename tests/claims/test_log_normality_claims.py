@@ -17,22 +17,22 @@ At = Callable[..., Setting]
 SETS, TASKS = 10, 100
 
 
-def _lognormal(chance: np.random.Generator) -> object:
-    return np.exp(chance.normal(-3, 0.5, TASKS))
+def _lognormal(probability: np.random.Generator) -> object:
+    return np.exp(probability.normal(-3, 0.5, TASKS))
 
 
-def _normal(chance: np.random.Generator) -> object:
-    return np.clip(chance.normal(0.5, 0.15, TASKS), 0.01, None)
+def _normal(probability: np.random.Generator) -> object:
+    return np.clip(probability.normal(0.5, 0.15, TASKS), 0.01, None)
 
 
 def _evidence(
     setting: At, names: tuple[str, ...], places: tuple[str, ...], draws: list[Callable[..., object]]
 ) -> Evidence:
-    chance = np.random.default_rng(3)
+    probability = np.random.default_rng(3)
     return Evidence(
         values={
             setting(name): tuple(
-                Values(places, tuple(np.sort(np.asarray(draw(chance), float)) for draw in draws))
+                Values(places, tuple(np.sort(np.asarray(draw(probability), float)) for draw in draws))
                 for _ in range(SETS)
             )
             for name in names

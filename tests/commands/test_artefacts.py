@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -108,7 +107,7 @@ def test_asking_for_more_learns_only_what_is_new_and_ends_as_if_asked_at_once(
 ) -> None:
     words = ("train-sources", "gridworld", "--size", 5, "--episodes", 100, "--json", "-q")
     here(*words, "--tasks", 3, "-o", "grown.h5")
-    grown = json.loads(here(*words, "--tasks", 7, "-o", "grown.h5").out)
-    at_once = json.loads(here(*words, "--tasks", 7, "-o", "at-once.h5").out)
+    grown = here(*words, "--tasks", 7, "-o", "grown.h5").json
+    at_once = here(*words, "--tasks", 7, "-o", "at-once.h5").json
     assert grown["skipped"] == 3
     assert grown["digest"] == at_once["digest"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -49,7 +48,7 @@ def test_the_file_system_of_the_store_is_tried(
 ) -> None:
     monkeypatch.setattr(work, "DISK", disk)
     ended = here("doctor", "--store", tmp_path / "later" / "store", "--format", "json")
-    [row] = [row for row in json.loads(ended.out)["rows"] if row["check"] == "file system"]
+    [row] = [row for row in ended.json["rows"] if row["check"] == "file system"]
     assert told in row["detail"]
     assert ended.code == code
     assert list(tmp_path.iterdir()) == []

@@ -186,7 +186,7 @@ def test_npz_and_json_hold_every_array(
     path = of[kind]
     with np.load(here("export", path, "-o", tmp_path / "a.npz").out.strip(), allow_pickle=False) as packed:
         arrays = dict(packed)
-    [told] = json.loads(here("export", path, "--to", "json").out)["artefacts"]
+    [told] = here("export", path, "--to", "json").json["artefacts"]
     with h5py.File(path) as file:
         said = json.loads(str(arrays.pop("metadata_json")))
         assert said["spec"] == told["spec"] == json.loads(file.attrs["spec_json"])

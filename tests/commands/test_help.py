@@ -18,8 +18,8 @@ from typer.core import TyperGroup
 from qinit_cli.app import EXAMPLES, LATER, app
 from qinit_cli.commands.help import Command
 from qinit_cli.environments import FAMILIES
-from qinit_cli.fields import flag, options
 from qinit_cli.methods import METHODS
+from qinit_cli.options import flag, options
 
 HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "rich")
 README = Path(__file__).parents[2] / "README.md"

@@ -88,7 +88,7 @@ def test_interrupted_terminated_and_killed_the_same_command_ends_with_the_same_c
 
     finished = qinit(*WORDS, *EPISODES, "-o", "a.h5", "--json")
     assert finished.code == 0, finished.err
-    told = json.loads(finished.out)
+    told = finished.json
     assert told["digest"] == straight
     assert told["skipped"] >= saved
     assert kept > 0
@@ -109,7 +109,7 @@ def test_an_interrupted_run_of_a_method_completes_to_the_same_content(
     assert process.returncode == 130
     resumed = qinit(*words, "-o", "a.h5", "--json", "-q")
     again = qinit(*words, "-o", "b.h5", "--json", "-q")
-    assert json.loads(resumed.out)["digest"] == json.loads(again.out)["digest"]
+    assert resumed.json["digest"] == again.json["digest"]
 
 
 def test_unfinished_work_is_listed_with_the_command_that_goes_on(
@@ -127,7 +127,7 @@ def test_unfinished_work_is_listed_with_the_command_that_goes_on(
     process.send_signal(signal.SIGTERM)
     process.wait(60)
     ended = qinit("list", "--format", "json")
-    [row] = json.loads(ended.out)["rows"]
+    [row] = ended.json["rows"]
     assert row["state"].startswith("unfinished")
     assert 0 < row["tasks"] < 320
     assert "train-sources gridworld --size 10" in ended.err
@@ -212,7 +212,7 @@ def test_work_that_goes_on_is_listed_as_being_written(tmp_path: Path, qinit: Cal
     work.mkdir(parents=True)
     with (work / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        [row] = json.loads(qinit("list", "--format", "json", "-q").out)["rows"]
+        [row] = qinit("list", "--format", "json", "-q").json["rows"]
     assert (row["kind"], row["name"]) == ("sources", "a")
     assert row["state"].startswith("being written")
 

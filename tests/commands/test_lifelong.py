@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -23,8 +22,8 @@ def test_a_frozen_lifetime_is_the_run_of_transfer(here: Here, pipeline: Pipeline
     lived = here("lifelong", "mean", pipeline.fit, *SHORT, "--store", "own", "--json")
     transferred = here("transfer", "mean", pipeline.fit, *SHORT, "--store", "own", "--json")
     assert lived.code == transferred.code == 0, lived.err
-    assert json.loads(lived.out)["digest"] == json.loads(transferred.out)["digest"]
-    assert json.loads(transferred.out)["skipped"] == 4
+    assert lived.json["digest"] == transferred.json["digest"]
+    assert transferred.json["skipped"] == 4
 
 
 def test_sources_are_fitted_first(here: Here, pipeline: Pipeline) -> None:
@@ -32,8 +31,8 @@ def test_sources_are_fitted_first(here: Here, pipeline: Pipeline) -> None:
     from_fit = here("lifelong", "mean", pipeline.fit, *SHORT, "--update", "--store", "own", "--json")
     assert from_sources.code == 0, from_sources.err
     assert "fitted: " in from_sources.err
-    assert json.loads(from_fit.out)["path"] == from_sources.out.strip()
-    assert json.loads(from_fit.out)["skipped"] == 4
+    assert from_fit.json["path"] == from_sources.out.strip()
+    assert from_fit.json["skipped"] == 4
 
 
 def test_an_updated_lifetime_stands_beside_the_frozen_one(here: Here, pipeline: Pipeline) -> None:
@@ -52,7 +51,7 @@ def test_an_updated_lifetime_stands_beside_the_frozen_one(here: Here, pipeline: 
     assert updated.code == frozen.code == 0, updated.err
     assert "sd(ln Q)" in updated.err
     compared = here("compare", "updated.h5", "frozen.h5", "--baseline", "logqinit-median", "--format", "json")
-    rows = {row["method"]: row for row in json.loads(compared.out)["rows"]}
+    rows = {row["method"]: row for row in compared.json["rows"]}
     assert set(rows) == {"logqinit-median", "logqinit-median updated"}
     with h5py.File("updated.h5") as one, h5py.File("frozen.h5") as other:
         np.testing.assert_array_equal(one["steps"][0], other["steps"][0])  # before anything was added
@@ -73,8 +72,8 @@ def test_more_tasks_go_on_from_those_there_and_equal_one_long_life(here: Here, p
         "--json",
     )
     here(*arguments, "--tasks", "2", "--store", "own")
-    grown = json.loads(here(*arguments, "--tasks", "5", "--store", "own").out)
-    whole = json.loads(here(*arguments, "--tasks", "5", "--store", "other").out)
+    grown = here(*arguments, "--tasks", "5", "--store", "own").json
+    whole = here(*arguments, "--tasks", "5", "--store", "other").json
     assert grown["skipped"] == 2
     assert grown["digest"] == whole["digest"]
 

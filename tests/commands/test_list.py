@@ -113,7 +113,7 @@ def test_an_empty_store_is_no_error(here: Callable[..., Ended], tmp_path: Path) 
     assert ended.code == 0
     assert _rows(ended.out) == []
     assert "qinit train-sources" in ended.err
-    assert json.loads(here("list", "--store", tmp_path, "--json").out)["rows"] == []
+    assert here("list", "--store", tmp_path, "--json").json["rows"] == []
 
 
 def test_listing_reads_no_dataset(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +21,7 @@ def run(here: Callable[..., Any]) -> Callable[..., Any]:
     def call(*arguments: object, stdin: str = "") -> dict[str, Any]:
         ended = here(*arguments, "--json", stdin=stdin)
         assert ended.code == 0, ended.err
-        told: dict[str, Any] = json.loads(ended.out)
+        told: dict[str, Any] = ended.json
         return told
 
     return call
@@ -64,7 +63,7 @@ def test_the_same_share_again_is_done_and_its_file_is_left_alone(here: Callable[
     first = here(*words)
     before = first.path.stat()
     again = here(*words, "--json")
-    told = json.loads(again.out)
+    told = again.json
     assert (again.code, told["tasks"], told["skipped"]) == (0, 2, 2)
     assert "2 tasks: already complete" in again.err
     assert first.path.stat().st_ino == before.st_ino
@@ -83,8 +82,8 @@ def test_one_run_takes_over_what_shares_in_the_store_have_learned(
 ) -> None:
     shares_of(run, SOURCES, 3)
     ended = here(*SOURCES, "--json")
-    assert json.loads(ended.out)["skipped"] == 7
-    assert json.loads(ended.out)["digest"] == whole_elsewhere(run, *SOURCES)["digest"]
+    assert ended.json["skipped"] == 7
+    assert ended.json["digest"] == whole_elsewhere(run, *SOURCES)["digest"]
     assert "tasks are taken over from" in ended.err
 
 
@@ -109,12 +108,12 @@ def test_more_shares_than_tasks_leave_some_empty(run: Callable[..., Any]) -> Non
 
 
 def test_a_trial_of_a_share_tells_of_its_tasks_alone(here: Callable[..., Any]) -> None:
-    told = json.loads(here(*SOURCES, "--shard", "1/3", "--dry-run", "--json").out)
+    told = here(*SOURCES, "--shard", "1/3", "--dry-run", "--json").json
     assert (told["tasks"], told["missing"]) == (3, 3)
     made = here(*SOURCES, "--shard", "1/3").path
     assert told["path"] == str(made)
-    assert json.loads(here(*SOURCES, "--shard", "1/3", "--dry-run", "--json").out)["missing"] == 0
-    assert json.loads(here(*SOURCES, "--shard", "2/3", "--dry-run", "--json").out)["missing"] == 2
+    assert here(*SOURCES, "--shard", "1/3", "--dry-run", "--json").json["missing"] == 0
+    assert here(*SOURCES, "--shard", "2/3", "--dry-run", "--json").json["missing"] == 2
 
 
 def test_shares_of_other_settings_are_refused_and_named(here: Callable[..., Any]) -> None:

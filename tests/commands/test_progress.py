@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.commands import messages
+from qinit_cli.commands import console as messages
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.kernels import compiled
 from qinit_cli.pipeline import job

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -50,7 +49,7 @@ def test_a_page_tells_of_sources_fits_and_runs(here: Run, given: list[Path], tmp
 def test_the_numbers_are_those_of_compare(here: Run, given: list[Path], tmp_path: Path) -> None:
     assert here("report", *given[2:]).code == 0
     page = (tmp_path / "report.html").read_text()
-    compared = json.loads(here("compare", *given[2:], "--json").out)
+    compared = here("compare", *given[2:], "--json").json
     for row in compared["rows"]:
         assert f"{row['return']:.4f}" in page
     assert compared["intervals"][0]["over"][3:] in page.replace("\N{NO-BREAK SPACE}", " ")

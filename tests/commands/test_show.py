@@ -94,7 +94,7 @@ def test_a_pipe_gets_a_key_and_a_value_on_each_line(
 def test_json_is_one_object_with_the_spec_as_it_is_stored(
     here: Callable[..., Ended], pipeline: Pipeline, kind: str
 ) -> None:
-    told = json.loads(here("show", _of(pipeline, kind), "--json").out)
+    told = here("show", _of(pipeline, kind), "--json").json
     with h5py.File(_of(pipeline, kind)) as file:
         assert told["spec"] == json.loads(file.attrs["spec_json"])
         assert told["inputs"] == json.loads(file.attrs["inputs_json"])
@@ -103,7 +103,7 @@ def test_json_is_one_object_with_the_spec_as_it_is_stored(
 
 def test_a_run_is_summed_up_as_its_episodes_say(here: Callable[..., Ended], pipeline: Pipeline) -> None:
     path = _of(pipeline, "run")
-    numbers = json.loads(here("show", path, "--json").out)["numbers"]
+    numbers = here("show", path, "--json").json["numbers"]
     with h5py.File(path) as file:
         steps, reached = file["steps"][...], file["reached"][...].astype(bool)
         gamma = json.loads(file.attrs["spec_json"])["learning"]["gamma"]
@@ -123,7 +123,7 @@ def test_a_run_is_summed_up_as_its_episodes_say(here: Callable[..., Ended], pipe
 def test_a_fit_counts_what_no_source_knows_and_what_some_do_not(
     here: Callable[..., Ended], pipeline: Pipeline
 ) -> None:
-    numbers = json.loads(here("show", pipeline.fit, "--json").out)["numbers"]
+    numbers = here("show", pipeline.fit, "--json").json["numbers"]
     with h5py.File(pipeline.fit) as file:
         n = file["n"][...]
     sources = int(n.max())
@@ -136,7 +136,7 @@ def test_a_fit_counts_what_no_source_knows_and_what_some_do_not(
 def test_sources_tell_solved_steps_and_errors_against_exact_tables(
     here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
 ) -> None:
-    numbers = json.loads(here("show", pipeline.sources, "--json").out)["numbers"]
+    numbers = here("show", pipeline.sources, "--json").json["numbers"]
     exact = here(
         "train-sources",
         "gridworld",

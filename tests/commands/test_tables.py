@@ -37,7 +37,7 @@ def _rows(text: str, delimiter: str) -> list[dict[str, str]]:
 
 
 def test_tsv_csv_json_and_jsonl_hold_the_same_rows(compared: Callable[..., Any]) -> None:
-    told = json.loads(compared("--format", "json").out)
+    told = compared("--format", "json").json
     assert told["schema"].startswith("qinit.compare/")
     [interval] = [group["over"] for group in told["intervals"]]
     assert "conditional on this source set" in interval
@@ -58,7 +58,7 @@ def test_p_that_cannot_be_small_is_nowhere_and_one_line_says_why(compared: Calla
         "p: at least 7 targets are needed for the sign-flip test over 2 methods to reach 0.05"  # there are 4
     )
     ended = compared("--format", "json")
-    told = json.loads(ended.out)
+    told = ended.json
     assert [row["p"] for row in told["rows"]] == [None] * 3
     assert [one["untested"] for one in told["intervals"]] == [why]
     assert ended.err.count(why) == 1
@@ -90,7 +90,7 @@ def _place(heading: str, name: str) -> int:
 def test_the_average_return_is_that_of_the_stored_episodes(
     compared: Callable[..., Any], pipeline: Any
 ) -> None:
-    rows = json.loads(compared("--json").out)["rows"]
+    rows = compared("--json").json["rows"]
     averages = {}
     for row in rows:
         with open_artefact(pipeline.runs[row["method"]], "run") as artefact:
@@ -110,15 +110,15 @@ def test_the_average_return_is_that_of_the_stored_episodes(
 
 @pytest.mark.parametrize("metric", ["return", "success", "steps"])
 def test_the_metric_names_its_column(metric: str, compared: Callable[..., Any]) -> None:
-    [zero, *_] = json.loads(compared("--metric", metric, "--json").out)["rows"]
+    [zero, *_] = compared("--metric", metric, "--json").json["rows"]
     assert zero[metric] == pytest.approx(
         zero[{"return": "return", "success": "success"}.get(metric, "restricted_steps")]
     )
 
 
 def test_another_baseline_turns_the_difference_round(compared: Callable[..., Any]) -> None:
-    to_zero = json.loads(compared("--json").out)["rows"]
-    to_max = json.loads(compared("--baseline", "maxqinit", "--json").out)["rows"]
+    to_zero = compared("--json").json["rows"]
+    to_max = compared("--baseline", "maxqinit", "--json").json["rows"]
     assert to_max[0]["difference"] == pytest.approx(-to_zero[1]["difference"])
     assert to_max[1]["difference"] is None
 
@@ -142,7 +142,7 @@ def test_every_metric_and_its_interval_stands_in_every_format_for_programs(
     assert set(names) <= set(heads["tsv"].split("\t"))
     assert set(names) <= set(heads["csv"].split(","))
     assert set(names) <= json.loads(heads["jsonl"]).keys()
-    rows = json.loads(compared("--json").out)["rows"]
+    rows = compared("--json").json["rows"]
     assert rows[0]["transfer_ratio"] is rows[0]["probability_of_improvement"] is None
     for row in rows[1:]:
         assert 0 <= row["probability_of_improvement"] <= 1
@@ -150,7 +150,7 @@ def test_every_metric_and_its_interval_stands_in_every_format_for_programs(
 
 
 def test_chosen_columns_stand_alone_and_in_that_order(compared: Callable[..., Any]) -> None:
-    [zero, *_] = json.loads(compared("--columns", "iqm, p", "--json").out)["rows"]
+    [zero, *_] = compared("--columns", "iqm, p", "--json").json["rows"]
     assert list(zero) == ["targets", "sets", "method", "iqm", "iqm_low", "iqm_high", "p"]
     heading = next(
         line
@@ -167,7 +167,7 @@ def test_a_column_that_is_not_there_is_refused_with_the_nearest(here: Here, pipe
 
 
 def test_negative_transfer_is_said_beneath_the_table(compared: Callable[..., Any]) -> None:
-    rows = json.loads(compared("--json").out)["rows"]
+    rows = compared("--json").json["rows"]
     text = " ".join(compared("--format", "table").out.split())
     [sentence] = re.findall(r"negative transfer: (.*?) worse than learning from zero", text) or [""]
     for row in rows:
@@ -181,7 +181,7 @@ def test_without_a_run_of_the_baseline_a_note_names_the_command_that_makes_one(
 ) -> None:
     ended = here("compare", pipeline.runs["maxqinit"], "--json")
     assert "qinit transfer zero" in ended.err
-    assert json.loads(ended.out)["rows"][0]["difference"] is None
+    assert ended.json["rows"][0]["difference"] is None
 
 
 def test_privileged_methods_are_marked(here: Here, pipeline: Any) -> None:
@@ -197,7 +197,7 @@ def test_runs_of_one_file_name_in_two_folders_are_both_compared(
     for folder, method in (("a", "zero"), ("b", "maxqinit")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "run.h5").write_bytes(pipeline.runs[method].read_bytes())
-    rows = json.loads(here("compare", "a/run.h5", "b/run.h5", "--baseline", "a/run", "--json").out)["rows"]
+    rows = here("compare", "a/run.h5", "b/run.h5", "--baseline", "a/run", "--json").json["rows"]
     assert [row["method"] for row in rows] == ["zero", "maxqinit"]
     assert rows[0]["difference"] is None
     assert rows[1]["difference"] is not None
@@ -205,7 +205,7 @@ def test_runs_of_one_file_name_in_two_folders_are_both_compared(
 
 def test_one_run_under_two_names_counts_once(here: Here, pipeline: Any, tmp_path: Path) -> None:
     (tmp_path / "copy.h5").write_bytes(pipeline.runs["zero"].read_bytes())
-    rows = json.loads(here("compare", pipeline.runs["zero"], "copy.h5", "--json").out)["rows"]
+    rows = here("compare", pipeline.runs["zero"], "copy.h5", "--json").json["rows"]
     assert [row["method"] for row in rows] == ["zero"]
 
 
@@ -217,7 +217,7 @@ def test_greedy_evaluations_are_counted_where_their_returns_do_not_tell_the_step
     made = here("transfer", "maxqinit", pipeline.fit, *words).path
     with open_artefact(made, "run") as artefact:
         steps, reached = artefact.read("eval_steps"), artefact.read("eval_reached")
-    [row] = json.loads(here("compare", made, "--greedy", "--metric", "steps", "-q", "--json").out)["rows"]
+    [row] = here("compare", made, "--greedy", "--metric", "steps", "-q", "--json").json["rows"]
     assert row["steps"] == steps.mean()
     assert row["success"] == reached.mean() > 0
 
@@ -233,7 +233,7 @@ def test_runs_without_greedy_evaluations_are_refused_with_the_option_that_makes_
 def test_runs_of_other_targets_stand_in_tables_of_their_own(here: Here, pipeline: Any) -> None:
     other = here("transfer", "zero", pipeline.fit, "--tasks", 3, "--episodes", 60, "--seed", 1, "-q").path
     ended = here("compare", pipeline.runs["zero"], other, pipeline.runs["maxqinit"], "--json")
-    rows = json.loads(ended.out)["rows"]
+    rows = ended.json["rows"]
     assert [row["targets"].split(", ", 1)[1] for row in rows] == [
         "4 targets of seed 0, 60 episodes",
         "4 targets of seed 0, 60 episodes",
@@ -242,7 +242,7 @@ def test_runs_of_other_targets_stand_in_tables_of_their_own(here: Here, pipeline
 
 
 def test_the_list_names_every_artefact_with_its_kind_and_tasks(here: Here, pipeline: Any) -> None:
-    rows = json.loads(here("list", "--store", pipeline.store, "--format", "json").out)["rows"]
+    rows = here("list", "--store", pipeline.store, "--format", "json").json["rows"]
     named = {row["name"]: row for row in rows}
     assert named[pipeline.sources.stem]["kind"] == "sources"
     assert named[pipeline.fit.stem]["kind"] == "fit"
@@ -255,12 +255,12 @@ def test_the_list_names_every_artefact_with_its_kind_and_tasks(here: Here, pipel
 
 def test_an_empty_store_is_an_empty_table_and_a_hint(here: Here) -> None:
     ended = here("list", "--format", "json")
-    assert (ended.code, json.loads(ended.out)["rows"]) == (0, [])
+    assert (ended.code, ended.json["rows"]) == (0, [])
     assert "qinit train-sources" in ended.err
 
 
 def test_a_file_that_is_no_artefact_is_listed_as_such(here: Here, tmp_path: Any) -> None:
     (tmp_path / "qinit-store" / "fits").mkdir(parents=True)
     (tmp_path / "qinit-store" / "fits" / "odd.h5").write_text("no artefact")
-    [row] = json.loads(here("list", "--json").out)["rows"]
+    [row] = here("list", "--json").json["rows"]
     assert row["state"] == "foreign"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,7 +44,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_curve_is_printed_and_the_choice_is_taken_by_transfer(here: Here, sources: Path) -> None:
-    told = json.loads(here("tune", "logqinit-quantile", sources, *SHORT, "--json").out)
+    told = here("tune", "logqinit-quantile", sources, *SHORT, "--json").json
     assert [row["quantile"] for row in told["rows"]] == sorted([0.1, 0.15865525393145707, 0.9])
     [best] = [row for row in told["rows"] if row["chosen"]]
     assert best["average"] == max(row["average"] for row in told["rows"])
@@ -70,18 +69,16 @@ def test_the_curve_is_printed_and_the_choice_is_taken_by_transfer(here: Here, so
 
 
 def test_the_same_choice_again_is_complete(here: Here, sources: Path) -> None:
-    first = json.loads(here("tune", "logqinit-quantile", sources, *SHORT, "--json", "--jobs", "1").out)
+    first = here("tune", "logqinit-quantile", sources, *SHORT, "--json", "--jobs", "1").json
     again = here("tune", "logqinit-quantile", sources, *SHORT, "--json", "--jobs", "2")
-    assert json.loads(again.out) == first
-    other = json.loads(
-        here("tune", "logqinit-quantile", sources, *SHORT, "--json", "-o", "other.h5", "--jobs", "2").out
-    )
+    assert again.json == first
+    other = here("tune", "logqinit-quantile", sources, *SHORT, "--json", "-o", "other.h5", "--jobs", "2").json
     assert other["digest"] == first["digest"]
 
 
 def test_the_artefact_is_shown_listed_exported_and_verified(here: Here, sources: Path) -> None:
-    path = json.loads(here("tune", "logqinit-quantile", sources, *SHORT, "--json").out)["path"]
-    numbers = json.loads(here("show", path, "--json").out)["numbers"]
+    path = here("tune", "logqinit-quantile", sources, *SHORT, "--json").json["path"]
+    numbers = here("show", path, "--json").json["numbers"]
     assert numbers["sources"] == 12
     assert numbers["candidates"] == 3
     assert "tuning" in here("list", "--kind", "tuning").out
@@ -124,7 +121,7 @@ def test_too_few_sources_are_refused(here: Here, pipeline: Pipeline) -> None:
 def test_a_choice_of_another_method_or_distribution_is_refused(
     here: Here, sources: Path, pipeline: Pipeline
 ) -> None:
-    path = json.loads(here("tune", "ucoi", sources, "--episodes", "20", "--kappa", "1", "--json").out)["path"]
+    path = here("tune", "ucoi", sources, "--episodes", "20", "--kappa", "1", "--json").json["path"]
     fit = here("fit", sources).path
     wrong = here("transfer", "logqinit-quantile", fit, "--tuned", path)
     assert (wrong.code, "of ucoi, not of logqinit-quantile" in wrong.err) == (4, True)
@@ -143,7 +140,7 @@ def _spec(path: str | Path) -> dict[str, Any]:
 
 
 def test_what_is_asked_to_vary_does_and_all_else_has_one_value(here: Here, sources: Path) -> None:
-    plain = json.loads(here("tune", "posterior", sources, "--episodes", "5", "--json").out)
+    plain = here("tune", "posterior", sources, "--episodes", "5", "--json").json
     grid = _spec(plain["path"])["grid"]
     assert grid == {"temperature": [0, 0.0005, 0.002, 0.01, 0.05, 0.2], "freeze": [1, 3, 30, 300]}
     assert _spec(plain["path"])["method"]["floor"] == 0.01
@@ -151,7 +148,7 @@ def test_what_is_asked_to_vary_does_and_all_else_has_one_value(here: Here, sourc
         "tune", "posterior", sources, "--episodes", "5", "--temperature", "0.1", "--freeze", "1,2",
         "--floor", "0.02", "--json",
     )  # fmt: skip
-    told = json.loads(asked.out)
+    told = asked.json
     spec = _spec(told["path"])
     assert spec["grid"] == {"temperature": [0.1], "freeze": [1, 2]}
     assert (spec["method"]["floor"], spec["method"]["freeze"]) == (0.02, 3)
@@ -161,10 +158,8 @@ def test_what_is_asked_to_vary_does_and_all_else_has_one_value(here: Here, sourc
 
 def test_all_that_a_choice_was_made_with_is_taken_by_transfer(here: Here, sources: Path) -> None:
     options = ("--mixing", "geometric", "--floor", "0.02")
-    told = json.loads(
-        here("tune", "posterior", sources, "--episodes", "40", "--temperature", "1", "--freeze", "1,9", *options,
-             "--json").out
-    )  # fmt: skip
+    told = here("tune", "posterior", sources, "--episodes", "40", "--temperature", "1", "--freeze", "1,9", *options,
+             "--json").json  # fmt: skip
     fit = here("fit", sources).path
     targets = ("transfer", "posterior", fit, "--tasks", "3", "--episodes", "30")
     tuned = here(*targets, "--tuned", told["path"])
@@ -178,11 +173,9 @@ def test_all_that_a_choice_was_made_with_is_taken_by_transfer(here: Here, source
 
 def test_what_a_method_starts_from_is_part_of_the_choice(here: Here, sources: Path) -> None:
     plus = ("--init", "logqinit-median")
-    told = json.loads(
-        here(
-            "tune", "ops-tl", sources, "--episodes", "20", "--rho", "0.9", "--nu", "0.5", *plus, "--json"
-        ).out
-    )
+    told = here(
+        "tune", "ops-tl", sources, "--episodes", "20", "--rho", "0.9", "--nu", "0.5", *plus, "--json"
+    ).json
     run = here(
         "transfer",
         "ops-tl",
@@ -203,21 +196,21 @@ def test_the_best_at_an_end_of_what_was_tried_is_told(here: Here, sources: Path)
     ended = here(
         *arguments, "--quantile", "0.9999,0.99999"
     )  # bad starts: the default is the smallest, and the best
-    assert json.loads(ended.out)["edges"] == {"quantile": "smallest"}
+    assert ended.json["edges"] == {"quantile": "smallest"}
     assert "--quantile 0.158655 is the smallest value tried; try smaller ones" in ended.err
     assert "the default, --quantile 0.158655, is the best of 3" in ended.err
 
 
 def test_a_trial_tells_what_tuning_would_take_and_makes_nothing(here: Here, sources: Path) -> None:
     arguments = ("tune", "ucoi", sources, "--episodes", "50", "--store", "nothing-yet")
-    told = json.loads(here(*arguments, "--dry-run", "--json").out)
+    told = here(*arguments, "--dry-run", "--json").json
     assert (told["tasks"], told["missing"]) == (12, 12)
     assert not Path("nothing-yet").exists()
-    made = json.loads(here(*arguments, "--json").out)["path"]
+    made = here(*arguments, "--json").json["path"]
     with h5py.File(made) as file:
         taken = int(np.sum(file["steps"]))
     assert 0.3 * taken < told["steps"] < 3 * taken
-    assert json.loads(here(*arguments, "--dry-run", "--json").out)["missing"] == 0
+    assert here(*arguments, "--dry-run", "--json").json["missing"] == 0
 
 
 def test_a_table_at_eighty_columns_is_whole_and_marks_default_and_choice(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -32,7 +31,7 @@ def test_sound_artefacts_are_told_with_their_content_hash(here: Callable[..., An
     paths = [pipeline.sources, pipeline.fit, *pipeline.runs.values()][:3]
     ended = here("verify", *paths, "--format", "json")
     assert ended.code == 0
-    rows = json.loads(ended.out)["rows"]
+    rows = ended.json["rows"]
     assert [row["state"] for row in rows] == ["sound"] * 3
     assert [row["kind"] for row in rows] == ["sources", "fit", "run"]
     assert [row["detail"] for row in rows] == [describe(path).content_sha256 for path in paths]
@@ -43,7 +42,7 @@ def test_damaged_tasks_are_named_and_the_others_are_still_examined(
 ) -> None:
     ended = here("verify", "-", "--format", "json", stdin=f"{damaged['sources']}\n{pipeline.fit}\n")
     assert ended.code == 6
-    first, second = json.loads(ended.out)["rows"]
+    first, second = ended.json["rows"]
     assert (first["state"], first["damaged_tasks"]) == ("damaged", "2")
     assert second["state"] == "sound"
     [sentence] = ended.err.splitlines()
@@ -118,14 +117,14 @@ def test_salvage_keeps_what_holds_and_the_first_command_completes_it(
     with open_artefact(tmp_path / "saved.h5") as saved:
         assert saved.tasks.tolist() == [0, 1, 3]
     words = ("train-sources", "gridworld", "--size", 6, "--tasks", 4, "--episodes", 200, "--variance", 2)
-    told = json.loads(here(*words, "-o", "saved.h5", "--json").out)
+    told = here(*words, "-o", "saved.h5", "--json").json
     assert (told["skipped"], told["digest"]) == (3, describe(pipeline.sources).content_sha256)
 
 
 def test_salvage_of_what_is_sound_is_the_same_again(
     here: Callable[..., Any], pipeline: Any, tmp_path: Path
 ) -> None:
-    told = json.loads(here("salvage", pipeline.sources, "-o", "copy.h5", "--json").out)
+    told = here("salvage", pipeline.sources, "-o", "copy.h5", "--json").json
     assert (told["tasks"], told["lost"]) == (4, [])
     assert told["digest"] == describe(pipeline.sources).content_sha256
     before = (tmp_path / "copy.h5").stat().st_ino

@@ -107,12 +107,12 @@ def test_the_metric_changes_averages_and_differences() -> None:
 
 
 def _random_runs(targets: int) -> tuple[ComparedRun, ComparedRun]:
-    chance = np.random.default_rng(1)
+    probability = np.random.default_rng(1)
     runs = [
         _run(
             method,
-            chance.integers(1, 12, (targets, EPISODES)),
-            chance.random((targets, EPISODES)) < 0.8,
+            probability.integers(1, 12, (targets, EPISODES)),
+            probability.random((targets, EPISODES)) < 0.8,
         )
         for method in ("zero", "maxqinit")
     ]
@@ -248,12 +248,12 @@ def test_the_title_says_what_the_targets_are() -> None:
 
 
 def _source_sets(shared: bool, sets: int = 6, targets: int = 9) -> list[ComparedRun]:
-    chance = np.random.default_rng(3)
+    probability = np.random.default_rng(3)
     return [
         _run(
             method,
-            chance.integers(1, 12, (targets, EPISODES)),
-            chance.random((targets, EPISODES)) < 0.8,
+            probability.integers(1, 12, (targets, EPISODES)),
+            probability.random((targets, EPISODES)) < 0.8,
             name=f"{method}-{number}",
             targets="t" if shared else f"t{number}",
             sources=f"set{number}",

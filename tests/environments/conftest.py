@@ -15,7 +15,7 @@ MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1))  # up, down, left, right
 
 @dataclass(frozen=True)
 class Model:
-    """One task as arrays: chances of the next cell, and the reward of entering the goal, which absorbs."""
+    """One task as arrays: probabilities of the next cell, and the reward of entering the goal, which absorbs."""
 
     size: int
     goal: tuple[int, int]

@@ -105,9 +105,9 @@ def test_td_variance_is_the_expectation_of_the_squared_error(
 def _value_of_exploring(grid: Any, q: Any, gamma: float, epsilon: float) -> float:
     """From the cell (0, 0), by a linear solve of the chain."""
     best = q == q.max(axis=1, keepdims=True)
-    chance = epsilon / 4 + (1 - epsilon) * best / best.sum(axis=1, keepdims=True)
-    chain = np.einsum("sa,sat->st", chance, grid.transitions())
-    reward = (chance * grid.rewards()).sum(axis=1)
+    probability = epsilon / 4 + (1 - epsilon) * best / best.sum(axis=1, keepdims=True)
+    chain = np.einsum("sa,sat->st", probability, grid.transitions())
+    reward = (probability * grid.rewards()).sum(axis=1)
     reward[grid.goal_cell] = 0
     return float(np.linalg.solve(np.eye(len(chain)) - gamma * chain, reward)[0])
 
@@ -127,8 +127,8 @@ def test_the_value_of_exploring_solves_its_linear_equations(
 
 
 def test_tied_actions_are_shared_equally_in_the_value_of_exploring(tasks_of: Any, model: Any) -> None:
-    chance = np.random.default_rng(5)
-    tied = chance.integers(0, 2, (1, GRID.size**2, 4)).astype(float)
+    probability = np.random.default_rng(5)
+    tied = probability.integers(0, 2, (1, GRID.size**2, 4)).astype(float)
     assert ((tied == tied.max(axis=2, keepdims=True)).sum(axis=2) > 1).any()
     found = GRID.exploring_value(tasks_of(GRID, (3, 2, 0.7)), tied, GRID.target_learning)[0]
     learning = GRID.target_learning

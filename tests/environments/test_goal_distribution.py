@@ -27,12 +27,12 @@ def _counts(family: Gridworld, tasks: Any) -> Any:
 
 
 def _rounded_normal(size: int, mean: float, variance: float) -> Any:
-    """The chance of each cell of the grid but (0, 0), (size, size)."""
+    """The probability of each cell of the grid but (0, 0), (size, size)."""
     edges = np.arange(size + 1) - 0.5
     along = np.diff(stats.norm.cdf(edges, mean, math.sqrt(variance)))
-    chances = np.outer(along, along)
-    chances[0, 0] = 0
-    return chances / chances.sum()
+    probabilities = np.outer(along, along)
+    probabilities[0, 0] = 0
+    return probabilities / probabilities.sum()
 
 
 @pytest.mark.parametrize(("size", "mean", "variance"), [(30, 20, 7), (30, 20, 1), (8, 6, 10), (6, 0, 3)])

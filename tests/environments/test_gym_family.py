@@ -17,7 +17,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_making import NOTHING_SET
 from qinit_cli.environments.gym_making import made as made_by_gymnasium
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.seeding import Stream
 
 LAKE = Gym(env_id="FrozenLake-v1", vary=["success_rate=uniform:0.4,0.9"])
@@ -28,7 +28,7 @@ POLE = Gym(
     range=["1=-2:2", "3=-2:2"],
     goal="survived",
 )
-LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
+LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
 
 
 def tasks_of(family: Gym, count: int) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_a_greedy_policy_arrives_as_often_in_gymnasium_as_its_table_says() -> No
     tables, share = LAKE.tables(tasks), np.empty(1)
     from qinit_cli.kernels import tables_exact
 
-    tables_exact.arrival(tables.after, tables.chance, tables.start, q, 100, share)
+    tables_exact.arrival(tables.after, tables.probability, tables.start, q, 100, share)
     env = made("FrozenLake-v1", success_rate=float(tasks["success_rate"][0]))
     arrived = 0
     for seed in range(400):
@@ -185,12 +185,14 @@ def test_the_goal_must_be_an_end_and_be_told_where_there_is_no_table() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slip", "chances"),
+    ("slip", "probabilities"),
     [("uniform:1.5,1.5", "-0.25, 1.5, -0.25, 1 in sum"), ("normal:-0.2,0", "0.6, -0.2, 0.6, 1 in sum")],
 )
-def test_what_is_drawn_beyond_the_chances_there_are_is_refused(slip: str, chances: str) -> None:
+def test_what_is_drawn_beyond_the_chances_there_are_is_refused(slip: str, probabilities: str) -> None:
     lake = Gym(env_id="FrozenLake-v1", vary=[f"success_rate={slip}"])
-    with pytest.raises(NotAllowed, match=f"success_rate=.* outcomes have the chances {chances}: they"):
+    with pytest.raises(
+        NotAllowed, match=f"success_rate=.* outcomes have the probabilities {probabilities}: they"
+    ):
         lake.tables(tasks_of(lake, 1))
 
 

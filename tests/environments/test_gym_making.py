@@ -1,4 +1,4 @@
-"""How Gymnasium environments are made, stepped and judged: wrappers, limits, chance, faults, prints, and settings."""
+"""How Gymnasium environments are made, stepped and judged: wrappers, limits, probability, faults, prints, and settings."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from qinit_cli.environments.gym_making import NOTHING_SET, Settings, has_table, 
 from qinit_cli.environments.gym_spaces import seen
 from qinit_cli.environments.modules import import_named, travelling
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.seeding import Stream
 
-LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=50, start="fixed")
+LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=50, start="fixed")
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +109,7 @@ def test_a_task_that_is_truncated_is_judged_by_what_it_reaches_before() -> None:
 def test_survival_beyond_an_environments_own_limit_is_refused(settings: dict[str, Any]) -> None:
     walk = Gym(**settings, goal="survived")
     assert "cuts episodes off after 8 steps" in walk.refusal(LEARNING)
-    assert walk.refusal(Learning(0.1, 0.9, 0.1, 10, 8, "fixed")) == ""
+    assert walk.refusal(QLearning(0.1, 0.9, 0.1, 10, 8, "fixed")) == ""
 
 
 @pytest.mark.parametrize(
@@ -352,10 +352,13 @@ def test_what_travels_to_another_process_takes_the_names_of_modules_along(
 ) -> None:
     import_named(["shouts"])
     modules()
-    learn = pickle.loads(pickle.dumps(travelling(_nothing)))
+    learn = pickle.loads(pickle.dumps(travelling(_nothing, {"env_id": "shouts:Shouts-v0"})))
     assert "shouts" not in sys.modules
     assert learn(np.arange(2), None) == (2, {})
     assert "shouts" in sys.modules
+    assert (
+        travelling(_nothing, {"name": "gridworld"}) is _nothing
+    )  # workers may lack what another run has named
 
 
 def _nothing(indices: Any, watch: Any) -> Any:

@@ -21,7 +21,7 @@ LAKE = "FrozenLake-v1"
 
 
 def sound() -> dict[str, Any]:
-    """Three cells: action 0 stays; action 1 goes on with a chance of .8, and from the last cell to the end, for 1."""
+    """Three cells: action 0 stays; action 1 goes on with a probability of .8, and from the last cell to the end, for 1."""
     table: dict[int, dict[int, Any]] = {}
     for cell in range(STATES):
         last = cell == STATES - 1
@@ -104,24 +104,24 @@ STAYS = (1.0, 1, 0.0, False)
         (outcomes((1.0, "x", 0.0, False)), "leads to 'x', which is none"),
         (
             outcomes((float("nan"), 1, 0.0, False)),
-            "for action 1 in state 1 the outcomes have the chances nan",
+            "for action 1 in state 1 the outcomes have the probabilities nan",
         ),
-        (outcomes((float("inf"), 1, 0.0, False)), "the outcomes have the chances inf"),
+        (outcomes((float("inf"), 1, 0.0, False)), "the outcomes have the probabilities inf"),
         (
             outcomes((-0.5, 1, 0.0, False), (1.5, 1, 0.0, False)),
-            "the outcomes have the chances -0.5, 1.5, 1 in sum: they must be within 0",
+            "the outcomes have the probabilities -0.5, 1.5, 1 in sum: they must be within 0",
         ),
         (
             outcomes((0.5, 1, 0.0, False)),
-            "the outcomes have the chances 0.5, 0.5 in sum: they must be within 0 and 1, and sum to 1",
+            "the outcomes have the probabilities 0.5, 0.5 in sum: they must be within 0 and 1, and sum to 1",
         ),
-        (outcomes(("1", 1, 0.0, False)), "an outcome of the chance '1', which is no number"),
+        (outcomes(("1", 1, 0.0, False)), "an outcome of probability '1', which is no number"),
         (outcomes((1.0, 1, float("nan"), False)), "has the reward nan, which is no finite number"),
         (outcomes((1.0, 1, None, False)), "has the reward None"),
         (outcomes((1.0, 1, 0.0, "no")), "has the end 'no', which is neither True nor False"),
         (
             outcomes((1.0, 1, 0.0)),
-            r"has the outcome \(1.0, 1, 0.0\), which is not \(chance, next state, reward, end\)",
+            r"has the outcome \(1.0, 1, 0.0\), which is not \(probability, next state, reward, end\)",
         ),
         (outcomes((1.0, 1, 0.0, False, {})), "which is not"),
         (outcomes(1.0), "has the outcome 1.0, which is not"),
@@ -137,11 +137,11 @@ STAYS = (1.0, 1, 0.0, False)
         (lambda given: given.update(start=[0.0, 0.0, 0.0]), "where episodes start sum to 0, not 1"),
         (
             lambda given: given.update(start=[1.5, -0.5, 0.0]),
-            "state 0 is where episodes start with chance 1.5",
+            "state 0 is where episodes start with probability 1.5",
         ),
         (
             lambda given: given.update(start=[float("nan")] * 3),
-            "state 0 is where episodes start with chance nan",
+            "state 0 is where episodes start with probability nan",
         ),
         (
             lambda given: given.update(start=[1.0, 0.0]),
@@ -188,28 +188,28 @@ def test_what_is_only_written_otherwise_is_read(tabled: Callable[..., Gym], chan
     [
         (
             outcomes((1.0, 0, 0.0, False)),
-            "action 1 in state 1 led to state 0 with reward 0, which has no chance in P",
+            "action 1 in state 1 led to state 0 with reward 0, of probability 0 in P",
         ),
         (
             outcomes((0.8, 2, 0.5, False), (0.2, 1, 0.0, False)),
-            "led to state 2 with reward 0.5, which has no chance",
+            "led to state 2 with reward 0.5, of probability 0",
         ),
         (
             outcomes((1.0, 2, 0.0, True)),
-            "led to state 2 with reward 0 and ended the episode, which has no chance",
+            "led to state 2 with reward 0 and ended the episode, of probability 0",
         ),
-        # chances that are far off
+        # probabilities that are far off
         (
             outcomes((1.0, 1, 0.0, False)),
-            r"action 1 in state 1 led to state 2 0 times of \d+, whose chance in P is 0.8",
+            r"action 1 in state 1 led to state 2 0 times of \d+, whose probability in P is 0.8",
         ),
         (
             outcomes((0.1, 2, 0.0, False), (0.9, 1, 0.0, False)),
-            "action 1 in state 1 led to state 2 .* chance in P is 0.8",
+            "action 1 in state 1 led to state 2 .* probability in P is 0.8",
         ),
         (
             lambda given: given.update(start=[0.5, 0.0, 0.5]),
-            "started in state 2, whose chance to be a start is 0",
+            "started in state 2, whose probability to be a start is 0",
         ),
         # the first move alone is another
         (lambda given: given.update(first=[(1.0, 2, 0.0, False)]), "in state 0 led to state 2"),
@@ -228,7 +228,7 @@ def test_starts_that_come_too_often_are_not_believed(tabled: Callable[..., Gym])
     family = tabled(
         lambda given: given.update(start=[0.1, 0.9, 0.0]), lambda given: given.update(start=[0.9, 0.1, 0.0])
     )
-    assert "episodes started in state 0, whose chance is 0.1" in family.untabled
+    assert "episodes started in state 0, with probability 0.1" in family.untabled
 
 
 @pytest.mark.parametrize(
@@ -295,13 +295,12 @@ def test_a_fickle_taxi_is_stepped_or_refused_and_never_learned_from_its_table(
 def test_which_ends_are_the_goal_is_always_told(
     here: Callable[..., Any], settings: list[str], told: str, rewards: list[float], states: list[int]
 ) -> None:
-    import json
 
     words = [word for text in settings for word in ("--set", text)]
     learn = ("train-sources", "gym", LAKE, *words, "--tasks", 1, "--learner", "exact", "--json")
     for ended in (here(*learn), here(*learn)):  # the second is complete already
         assert ended.err.count(f"; the goal: {told}\n") == 1
-        found = json.loads(ended.out)
+        found = ended.json
         assert (found["goal"], found["goal_rewards"], found["goal_states"]) == (told, rewards, states)
 
 

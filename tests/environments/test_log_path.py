@@ -1,4 +1,4 @@
-"""The chance of a gridworld's path, against a walk through its transition matrix."""
+"""The probability of a gridworld's path, against a walk through its transition matrix."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _after(size: int, cell: int, direction: int) -> int:
 
 
 def _chances(size: int, p: float, cell: int, action: int) -> dict[int, float]:
-    """The chance of each next cell."""
+    """The probability of each next cell."""
     found: dict[int, float] = {}
     for direction in range(4):
         there = _after(size, cell, direction)
@@ -40,11 +40,11 @@ def test_the_chance_of_a_path_is_the_product_of_its_steps(p: float) -> None:
                 continue
             total, at, act = 0.0, cell, action
             for _ in range(lengths[task, cell, action]):
-                chances = _chances(4, p, at, act)
-                most = max(chances.values())
+                probabilities = _chances(4, p, at, act)
+                most = max(probabilities.values())
                 total += np.log(most)
                 meant = _after(4, at, act)
-                likely = [there for there, chance in chances.items() if chance > most - 1e-9]
+                likely = [there for there, probability in probabilities.items() if probability > most - 1e-9]
                 at = meant if meant in likely else min(likely)
                 act = int(q[task, at].argmax())
             assert at == goal
@@ -55,5 +55,5 @@ def test_the_chance_of_a_path_is_the_product_of_its_steps(p: float) -> None:
 
 def test_pushes_of_every_step_give_a_path_no_chance() -> None:
     tasks = np.array([(0.0,)], [("eta", "f8")])
-    with pytest.raises(NotAllowed, match="no path has a chance"):
+    with pytest.raises(NotAllowed, match="no path has a probability"):
         MountainCar(noise_per="step").log_path(tasks, np.ones((1, 900, 3), int))

@@ -27,11 +27,11 @@ def _counts(family: MixtureGridworld) -> Any:
 
 
 def _rounded_normal(size: int, row: float, column: float, variance: float) -> Any:
-    """The chance of each cell of the grid but (0, 0), (S,)."""
+    """The probability of each cell of the grid but (0, 0), (S,)."""
     edges, deviation = np.arange(size + 1) - 0.5, math.sqrt(variance)
-    chances = np.outer(*(np.diff(stats.norm.cdf(edges, mean, deviation)) for mean in (row, column)))
-    chances[0, 0] = 0
-    return (chances / chances.sum()).ravel()
+    probabilities = np.outer(*(np.diff(stats.norm.cdf(edges, mean, deviation)) for mean in (row, column)))
+    probabilities[0, 0] = 0
+    return (probabilities / probabilities.sum()).ravel()
 
 
 TWO = MixtureGridworld(size=12, means="2:9,8:1.5", variances="1,4", weights="1,3")

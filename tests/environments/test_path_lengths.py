@@ -95,7 +95,7 @@ TO_THE_RIGHT_THEN_DOWN = [[RIGHT] * 3 + [DOWN]] * 4
 
 
 def test_among_equally_likely_next_cells_the_intended_one_is_meant(tasks_of: Any) -> None:
-    task = tasks_of(Gridworld(size=4), (3, 3, 0.25))  # every direction has a chance of 1/4
+    task = tasks_of(Gridworld(size=4), (3, 3, 0.25))  # every direction has a probability of 1/4
     lengths = _lengths(4, task, _greedy(4, TO_THE_RIGHT_THEN_DOWN))
     assert lengths[1, 0, RIGHT] == 5
     assert lengths[2, 1, RIGHT] == 3

@@ -134,7 +134,9 @@ def test_a_table_holds_every_outcome_of_a_walk_with_its_chance() -> None:
     _, flows = model(GRID, *task)
     for cell, action in np.argwhere(np.ones((36, 4), bool) & tables.open[0][:, None]):
         found: Counter[int] = Counter()
-        for there, odds in zip(tables.after[0, cell, action], tables.chance[0, cell, action], strict=True):
+        for there, odds in zip(
+            tables.after[0, cell, action], tables.probability[0, cell, action], strict=True
+        ):
             found[27 if there < 0 else int(there)] += odds
         np.testing.assert_allclose([found[there] for there in range(36)], flows[cell, action], atol=1e-12)
 

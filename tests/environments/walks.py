@@ -95,7 +95,7 @@ class Noisy(Walk):
 
 
 class OwnChance(Walk):
-    """A slip from chance that no seed reaches."""
+    """A slip from probability that no seed reaches."""
 
     def __init__(self) -> None:
         super().__init__(float(np.random.default_rng().uniform(0, 0.5)))

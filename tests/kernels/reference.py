@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 
 MASK = 2**64 - 1
 
@@ -298,9 +298,9 @@ def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
 
 def learn(
     world,
-    learning: Learning,
+    learning: QLearning,
     table,
-    dice: Iterator[int],
+    rng: Iterator[int],
     potential=None,
     every: int = 0,
     evaluation: Iterator[int] | None = None,
@@ -320,7 +320,7 @@ def learn(
         world.reset()
         length, reached = 0, False
         while not (reached or ended(world)) and length < learning.horizon:
-            draw = next(dice)
+            draw = next(rng)
             state = world.state
             action = chosen(draw, q[state], exploration)
             if choices is not None and choices.follows():

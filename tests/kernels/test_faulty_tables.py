@@ -25,7 +25,7 @@ def sound() -> dict[str, Any]:
     start[:, 0] = 1
     return {
         "after": after,
-        "chance": np.full(after.shape, 0.5),
+        "probability": np.full(after.shape, 0.5),
         "start": start,
         "open": np.ones((TASKS, STATES), bool),
     }
@@ -53,27 +53,33 @@ def another(name: str, made: Callable[[Any], Any]) -> Callable[[dict[str, Any]],
             "action 0 in state 2 of task 1 of the batch leads to state 3, of 3 states",
         ),
         (changed("after", (0, 1, 1, 0), -3), "action 1 in state 1 of task 0 of the batch leads to state -3"),
-        (changed("chance", (0, 1, 1, 0), np.nan), "action 1 in state 1 .* has an outcome of chance nan"),
-        (changed("chance", (0, 1, 1, 0), np.inf), "has an outcome of chance inf"),
-        (changed("chance", (1, 0, 0, 1), -0.5), "has an outcome of chance -0.5, which is not within 0 and 1"),
         (
-            changed("chance", (1, 0, 0, 1), 0.25),
-            "action 0 in state 0 of task 1 .* chances sum to 0.75, not 1",
+            changed("probability", (0, 1, 1, 0), np.nan),
+            "action 1 in state 1 .* has an outcome of probability nan",
+        ),
+        (changed("probability", (0, 1, 1, 0), np.inf), "has an outcome of probability inf"),
+        (
+            changed("probability", (1, 0, 0, 1), -0.5),
+            "has an outcome of probability -0.5, which is not within 0 and 1",
+        ),
+        (
+            changed("probability", (1, 0, 0, 1), 0.25),
+            "action 0 in state 0 of task 1 .* probabilities sum to 0.75, not 1",
         ),
         (changed("start", (1, 0), 0.0), "where task 1 of the batch starts sum to 0, not 1"),
-        (changed("start", (1, 0), np.nan), "task 1 of the batch starts in state 0 with chance nan"),
-        (changed("start", (0, 2), -1.0), "task 0 of the batch starts in state 2 with chance -1"),
+        (changed("start", (1, 0), np.nan), "task 1 of the batch starts in state 0 with probability nan"),
+        (changed("start", (0, 2), -1.0), "task 0 of the batch starts in state 2 with probability -1"),
         (
             changed("open", (1, slice(None)), False),
             "task 1 of the batch has no state in which its episodes go on",
         ),
         (another("start", lambda start: start[:, :2]), "have the shapes"),
-        (another("chance", lambda chance: chance[..., :1]), "have the shapes"),
+        (another("probability", lambda probability: probability[..., :1]), "have the shapes"),
         (another("after", lambda after: after.astype(float)), "are of float64 and bool, not of integers"),
         (another("open", lambda open: open.astype(float)), "are of int32 and float64"),
         (
-            lambda arrays: arrays.update({n: arrays[n][..., :0] for n in ("after", "chance")}),
-            "chances sum to 0, not 1",
+            lambda arrays: arrays.update({n: arrays[n][..., :0] for n in ("after", "probability")}),
+            "probabilities sum to 0, not 1",
         ),
     ],
 )
@@ -89,7 +95,7 @@ def test_no_tasks_and_rows_in_which_nobody_acts_are_no_fault() -> None:
     Tables(**{name: values[:0] for name, values in sound().items()})
     arrays = sound()
     arrays["open"][:, 2] = False
-    arrays["chance"][:, 2] = 0
+    arrays["probability"][:, 2] = 0
     Tables(**arrays)
 
 
@@ -97,7 +103,7 @@ def test_tables_of_other_states_than_the_familys_are_refused() -> None:
     class Short(WindyGridworld):
         def tables(self, tasks: Any) -> Tables:
             whole = super().tables(tasks)
-            return Tables(whole.after[:1], whole.chance[:1], whole.start[:1], whole.open[:1])
+            return Tables(whole.after[:1], whole.probability[:1], whole.start[:1], whole.open[:1])
 
     family = Short(size=4)
     tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, np.arange(2))

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 import reference
 
-from qinit_cli.kernels import dice
+from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 
 SIZE = 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17])
 P = np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7])
-EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
-GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
+EXPLORING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
+GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
 ALL = Records(bins=60, visits=True, td_var=True)
 
 
-def chance(seed: int, tasks: int) -> LaneStreams:
+def probability(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
+    return LaneStreams(rng.lane_seeds(streams(0)), *(rng.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
 def part(given: LaneStreams, tasks: slice | list[int]) -> LaneStreams:
@@ -48,7 +48,7 @@ def potential(tasks: int) -> np.ndarray:
     return np.random.default_rng(6).random((tasks, SIZE**2))
 
 
-def expected(task: int, learning: Learning, start: Start, given: LaneStreams) -> reference.Outcome:
+def expected(task: int, learning: QLearning, start: Start, given: LaneStreams) -> reference.Outcome:
     fixed = 0 if learning.start == "fixed" else None
     starts = reference.xoshiro(given.starts[task])
     world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), fixed, starts)
@@ -57,13 +57,13 @@ def expected(task: int, learning: Learning, start: Start, given: LaneStreams) ->
         if start.potential is None
         else np.atleast_2d(start.potential)[task % len(np.atleast_2d(start.potential))]
     )
-    return reference.learn(world, learning, start.table, reference.in_lanes(given.dice[task]), phi)
+    return reference.learn(world, learning, start.table, reference.in_lanes(given.rng[task]), phi)
 
 
 @pytest.mark.parametrize("learning", [EXPLORING, GREEDY], ids=["exploring", "greedy"])
 @pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
-def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, exploring: bool) -> None:
-    given, policies = chance(11, len(GOALS)), np.random.default_rng(3).integers(0, 4, (5, SIZE**2))
+def test_evaluation_and_policies_equal_the_plain_ones(learning: QLearning, exploring: bool) -> None:
+    given, policies = probability(11, len(GOALS)), np.random.default_rng(3).integers(0, 4, (5, SIZE**2))
     rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
     start = Start(table(), None, Policies(policies, **rules, explore_while_following=exploring))
     learned = learn(worlds(), learning, start, given, dataclasses.replace(ALL, evaluate_every=7), Watch())
@@ -73,7 +73,7 @@ def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, explor
             reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), fixed, starts),
             learning,
             start.table,
-            reference.in_lanes(given.dice[task]),
+            reference.in_lanes(given.rng[task]),
             every=7,
             evaluation=reference.xoshiro(given.evaluation[task]),
             choices=reference.Choices(
@@ -91,7 +91,7 @@ def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, explor
 
 
 def test_policies_without_streams_are_refused() -> None:
-    bare = LaneStreams(chance(1, len(GOALS)).dice, chance(1, len(GOALS)).starts)
+    bare = LaneStreams(probability(1, len(GOALS)).rng, probability(1, len(GOALS)).starts)
     start = Start(table(), None, Policies(np.zeros((2, SIZE**2), np.int64)))
     with pytest.raises(ValueError, match="streams of their own"):
         learn(worlds(), EXPLORING, start, bare, ALL, Watch())
@@ -112,9 +112,9 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome) -> None
     "phi", [None, potential(1)[0], potential(len(GOALS))], ids=["unshaped", "shaped", "own potentials"]
 )
 def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
-    learning: Learning, phi: np.ndarray | None
+    learning: QLearning, phi: np.ndarray | None
 ) -> None:
-    given = chance(1, len(GOALS))
+    given = probability(1, len(GOALS))
     start = Start(table(), phi)
     learned = learn(worlds(), learning, start, given, ALL, Watch())
     for task in range(len(GOALS)):
@@ -123,7 +123,7 @@ def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
 
 @pytest.mark.parametrize("lanes", [1, 2, 3, 4, 5, 9])
 def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
-    given = chance(2, len(GOALS))
+    given = probability(2, len(GOALS))
     whole = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch(), lanes=lanes)
     for tasks in ([3], [6, 1], [5, 4, 3, 2, 0]):
         some = learn(worlds(tasks), EXPLORING, Start(table()), part(given, tasks), ALL, Watch())
@@ -132,7 +132,7 @@ def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
 
 
 def test_records_evaluation_and_no_policies_change_no_bit_of_what_is_learned() -> None:
-    given = chance(3, len(GOALS))
+    given = probability(3, len(GOALS))
     full = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch())
     start = Start(table(), None, Policies(np.empty((0, SIZE**2), np.int64)))
     bare = learn(worlds(), EXPLORING, start, given, Records(bins=7, evaluate_every=60), Watch())
@@ -157,7 +157,7 @@ class StoppedAtOnce(Watch):
 
 def test_stopping_keeps_the_tasks_that_are_done_and_tells_which() -> None:
     many = [task % len(GOALS) for task in range(40)]
-    given = chance(4, len(many))
+    given = probability(4, len(many))
     longer = dataclasses.replace(EXPLORING, episodes=1500)
     watch = StoppedAtOnce()
     some = learn(worlds(many), longer, Start(table()), given, Records(bins=10), watch)
@@ -170,7 +170,7 @@ def test_stopping_keeps_the_tasks_that_are_done_and_tells_which() -> None:
 
 
 def test_every_step_is_counted_once_and_every_episode_is_in_one_bin() -> None:
-    learned = learn(worlds(), EXPLORING, Start(table()), chance(5, len(GOALS)), ALL, watch := Watch())
+    learned = learn(worlds(), EXPLORING, Start(table()), probability(5, len(GOALS)), ALL, watch := Watch())
     assert learned.visits is not None
     np.testing.assert_array_equal(learned.visits.sum(axis=(1, 2)), learned.step_count)
     np.testing.assert_array_equal(learned.steps.sum(axis=1), learned.step_count)
@@ -182,15 +182,15 @@ def test_every_step_is_counted_once_and_every_episode_is_in_one_bin() -> None:
 def test_long_learning_comes_near_the_exact_table() -> None:
     """V*(0,0) of the paper's grid is known; constant alpha stays within some per cent of it."""
     task = Gridworlds(30, np.full(4, 20 * 30 + 20), np.full(4, 0.75))
-    source = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
-    learned = learn(task, source, Start(np.zeros((900, 4))), chance(6, 4), Records(bins=10), Watch())
+    source = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
+    learned = learn(task, source, Start(np.zeros((900, 4))), probability(6, 4), Records(bins=10), Watch())
     np.testing.assert_allclose(learned.q[:, 0].max(axis=1), 0.056768479844764, rtol=0.1)
 
 
 def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
-    one_step = Learning(alpha=0.1, gamma=0.9, epsilon=1.0, episodes=36_000, horizon=1, start="anywhere")
+    one_step = QLearning(alpha=0.1, gamma=0.9, epsilon=1.0, episodes=36_000, horizon=1, start="anywhere")
     counted = Records(bins=1, visits=True, td_var=True)
-    learned = learn(worlds([1]), one_step, Start(table()), chance(7, 1), counted, Watch())
+    learned = learn(worlds([1]), one_step, Start(table()), probability(7, 1), counted, Watch())
     assert learned.visits is not None
     visits = learned.visits[0]
     assert not visits[GOALS[1]].any()
@@ -204,9 +204,9 @@ def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
 @pytest.mark.parametrize("p", [0.6, 0.9])
 def test_the_agent_goes_where_it_meant_to_with_probability_p(p: float) -> None:
     """Episodes of one step from a corner, the goal beside it."""
-    one_step = Learning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
+    one_step = QLearning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
     task = Gridworlds(2, np.array([1]), np.array([p]), start=0)
-    learned = learn(task, one_step, Start(np.zeros((4, 4))), chance(8, 1), Records(bins=1), Watch())
+    learned = learn(task, one_step, Start(np.zeros((4, 4))), probability(8, 1), Records(bins=1), Watch())
     # the goal is to the right: reached by meaning it, or by slipping from one of the three other moves
     expected_share = 0.25 * p + 0.75 * (1 - p) / 3
     assert learned.reached.sum() / 200_000 == pytest.approx(expected_share, abs=0.005)
@@ -216,18 +216,20 @@ def test_shaped_learning_equals_unshaped_learning_that_starts_from_the_potential
     """Wiewiora (2003). With epsilon 1 both take the same steps whatever they have learned."""
     wandering = dataclasses.replace(EXPLORING, epsilon=1.0)
     phi = potential(len(GOALS))
-    shaped = learn(worlds(), wandering, Start(table(), phi), chance(10, len(GOALS)), ALL, Watch())
+    shaped = learn(worlds(), wandering, Start(table(), phi), probability(10, len(GOALS)), ALL, Watch())
     phi[np.arange(len(GOALS)), GOALS] = 0.0
-    plain = learn(worlds(), wandering, Start(table() + phi[:, :, None]), chance(10, len(GOALS)), ALL, Watch())
+    plain = learn(
+        worlds(), wandering, Start(table() + phi[:, :, None]), probability(10, len(GOALS)), ALL, Watch()
+    )
     np.testing.assert_allclose(shaped.q + phi[:, :, None], plain.q, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(shaped.steps, plain.steps)
 
 
 def test_a_potential_of_zero_changes_no_bit() -> None:
     shaped = learn(
-        worlds(), EXPLORING, Start(table(), np.zeros(SIZE**2)), chance(1, len(GOALS)), ALL, Watch()
+        worlds(), EXPLORING, Start(table(), np.zeros(SIZE**2)), probability(1, len(GOALS)), ALL, Watch()
     )
-    plain = learn(worlds(), EXPLORING, Start(table()), chance(1, len(GOALS)), ALL, Watch())
+    plain = learn(worlds(), EXPLORING, Start(table()), probability(1, len(GOALS)), ALL, Watch())
     np.testing.assert_array_equal(shaped.q, plain.q)
 
 
@@ -238,4 +240,4 @@ def test_a_start_on_the_goal_is_refused() -> None:
 
 def test_tables_of_another_shape_are_refused() -> None:
     with pytest.raises(ValueError, match="start table has shape"):
-        learn(worlds(), EXPLORING, Start(np.zeros((5, 4))), chance(9, len(GOALS)), ALL, Watch())
+        learn(worlds(), EXPLORING, Start(np.zeros((5, 4))), probability(9, len(GOALS)), ALL, Watch())

@@ -13,10 +13,10 @@ import reference
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
-from qinit_cli.kernels.dice import lane_seeds, seeds
+from qinit_cli.kernels.generic_loop import CUT, GOAL
 from qinit_cli.kernels.python_steps import PythonWorlds
-from qinit_cli.kernels.stepping import CUT, GOAL
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.random_streams import lane_seeds, seeds
+from qinit_cli.learning import QLearning
 from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream
 from qinit_cli.watch import Watch
@@ -29,14 +29,14 @@ POLE = Gym(
     range=["1=-2:2", "3=-2:2"],
     goal="survived",
 )
-LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
+LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
 
 
 def tasks_of(family: Gym, count: int) -> np.ndarray:
     return draw_tasks(family, 0, Stream.SOURCE_TASK, np.arange(count))
 
 
-def chance(indices: list[int]) -> LaneStreams:
+def probability(indices: list[int]) -> LaneStreams:
     some = np.array(indices)
     streams = (Stream.SOURCE_START, Stream.TARGET_EVALUATION)
     return LaneStreams(
@@ -45,11 +45,11 @@ def chance(indices: list[int]) -> LaneStreams:
     )
 
 
-def learned(family: Gym, indices: list[int], learning: Learning = LEARNING, every: int = 0) -> Any:
+def learned(family: Gym, indices: list[int], learning: QLearning = LEARNING, every: int = 0) -> Any:
     tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, np.array(indices))
     worlds = family.worlds(tasks, sequences(0, Stream.SOURCE_WORLD, np.array(indices)))
     start = Start(np.zeros((worlds.states, worlds.actions)))
-    return learn(worlds, learning, start, chance(indices), Records(60, True, True, every), Watch())
+    return learn(worlds, learning, start, probability(indices), Records(60, True, True, every), Watch())
 
 
 def made(env_id: str, **arguments: Any) -> Any:
@@ -86,8 +86,8 @@ def test_frozen_lake_is_learned_as_a_plain_loop_through_its_transitions_learns_i
     together = learned(LAKE, [0, 1, 2])
     for task, drawn in enumerate(tasks_of(LAKE, 3)):
         world = Lake(made("FrozenLake-v1", success_rate=float(drawn["success_rate"])))
-        dice = reference.in_lanes(chance([0, 1, 2]).dice[task])
-        outcome = reference.learn(world, LEARNING, np.zeros((16, 4)), dice)
+        rng = reference.in_lanes(probability([0, 1, 2]).rng[task])
+        outcome = reference.learn(world, LEARNING, np.zeros((16, 4)), rng)
         np.testing.assert_array_equal(together.visits[task], outcome.visits)
         np.testing.assert_allclose(together.q[task], outcome.q, rtol=1e-12)
         np.testing.assert_array_equal(together.steps[task], outcome.steps)
@@ -128,14 +128,14 @@ class Pole:
 
 
 def test_cart_pole_is_learned_as_a_plain_loop_around_gymnasium_learns_it() -> None:
-    together, given = learned(POLE, [0, 1], every=20), chance([0, 1])
+    together, given = learned(POLE, [0, 1], every=20), probability([0, 1])
     for task, drawn in enumerate(tasks_of(POLE, 2)):
         world = Pole(drawn, reference.xoshiro(given.starts[task]))
         outcome = reference.learn(
             world,
             LEARNING,
             np.zeros((36, 2)),
-            reference.in_lanes(given.dice[task]),
+            reference.in_lanes(given.rng[task]),
             every=20,
             evaluation=reference.xoshiro(given.evaluation[task]),
         )
@@ -154,19 +154,19 @@ def test_a_simulated_task_learns_the_same_whatever_learns_beside_it_and_however_
 
 
 class Corridor:
-    """Five cells, the goal behind the last; a step fails with chance 0.2; `limit` steps, after which the world cuts off."""
+    """Five cells, the goal behind the last; a step fails with probability 0.2; `limit` steps, after which the world cuts off."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
 
     def start(self, seed: int) -> int:
         self.cell = self.time = 0
-        self.chance = np.random.Generator(np.random.PCG64(seed))
+        self.probability = np.random.Generator(np.random.PCG64(seed))
         return 0
 
     def step(self, action: int) -> int:
         self.time += 1
-        if self.chance.random() >= 0.2:
+        if self.probability.random() >= 0.2:
             self.cell = max(self.cell + (1 if action else -1), 0)
         if self.cell == 5:
             return GOAL
@@ -183,7 +183,7 @@ def test_what_a_world_cuts_off_is_learned_as_what_the_horizon_cuts_off(shaped: b
             worlds,
             dataclasses.replace(LEARNING, horizon=horizon),
             Start(np.zeros((5, 2)), potential),
-            chance([0]),
+            probability([0]),
             Records(60, True, True, evaluate_every=20),
             Watch(),
         )
@@ -213,7 +213,7 @@ def test_what_a_simulator_raises_is_raised_and_it_is_called_no_more() -> None:
     broken = Broken()
     worlds = PythonWorlds(lambda task, horizon: broken, 2, 2, np.zeros((1, 4), np.uint64))
     with pytest.raises(ZeroDivisionError):
-        learn(worlds, LEARNING, Start(np.zeros((2, 2))), chance([0]), Records(1), Watch())
+        learn(worlds, LEARNING, Start(np.zeros((2, 2))), probability([0]), Records(1), Watch())
     assert broken.left == 0
 
 

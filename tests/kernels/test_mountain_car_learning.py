@@ -12,19 +12,19 @@ import pytest
 import reference
 from gymnasium.envs.classic_control import mountain_car as theirs
 
-from qinit_cli.kernels import dice
+from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
 from qinit_cli.kernels.reals import load_reals, store_reals
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 
 BINS = 6
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
-EXPLORING = Learning(alpha=0.1, gamma=0.99, epsilon=0.5, episodes=20, horizon=120, start="anywhere")
-GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.1, episodes=12, horizon=250, start="fixed")
+EXPLORING = QLearning(alpha=0.1, gamma=0.99, epsilon=0.5, episodes=20, horizon=120, start="anywhere")
+GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.1, episodes=12, horizon=250, start="fixed")
 ALL = Records(bins=12, visits=True, td_var=True)
 
 
@@ -32,9 +32,9 @@ def streams(kind: int, tasks: int) -> list[np.random.SeedSequence]:
     return [np.random.SeedSequence(1, spawn_key=(kind, task)) for task in range(tasks)]
 
 
-def chance(tasks: int) -> LaneStreams:
+def probability(tasks: int) -> LaneStreams:
     return LaneStreams(
-        dice.lane_seeds(streams(0, tasks)), *(dice.seeds(streams(kind, tasks)) for kind in (1, 3, 4))
+        rng.lane_seeds(streams(0, tasks)), *(rng.seeds(streams(kind, tasks)) for kind in (1, 3, 4))
     )
 
 
@@ -42,7 +42,7 @@ def table() -> np.ndarray:
     return np.random.default_rng(5).integers(0, 3, (BINS**2, 3)) / 8
 
 
-def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learning: Learning) -> None:
+def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learning: QLearning) -> None:
     assert learned.finished[task]
     np.testing.assert_array_equal(learned.q[task], outcome.q)
     np.testing.assert_array_equal(learned.visits[task], outcome.visits)
@@ -56,9 +56,9 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learnin
 @pytest.mark.parametrize("start", ["point", "valley"])
 @pytest.mark.parametrize("phi", [None, np.linspace(0, 1, BINS**2)], ids=["unshaped", "shaped"])
 def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
-    learning: Learning, start: str, phi: np.ndarray | None
+    learning: QLearning, start: str, phi: np.ndarray | None
 ) -> None:
-    given = chance(len(ETA))
+    given = probability(len(ETA))
     learned = learn(
         MountainCars(ETA, bins=BINS, start=start), learning, Start(table(), phi), given, ALL, Watch()
     )
@@ -66,13 +66,13 @@ def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
         kind = "anywhere" if learning.start == "anywhere" else start
         starts = reference.xoshiro(given.starts[task])
         world = reference.MountainCar(BINS, float(eta), 0.0, kind, starts, target=start)
-        outcome = reference.learn(world, learning, table(), reference.in_lanes(given.dice[task]), phi)
+        outcome = reference.learn(world, learning, table(), reference.in_lanes(given.rng[task]), phi)
         assert_same(learned, task, outcome, learning)
 
 
 @pytest.mark.parametrize("tasks", [1, 3, 10], ids=["alone", "three of eight, then alone", "eight and more"])
 def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones(tasks: int) -> None:
-    given, noise_dice = chance(tasks), dice.seeds(streams(2, tasks))
+    given, noise_dice = probability(tasks), rng.seeds(streams(2, tasks))
     cars = MountainCars(ETA[:tasks], hill=-0.4, bins=BINS, start="valley", noise=0.01, noise_dice=noise_dice)
     policies = np.random.default_rng(3).integers(0, 3, (4, BINS**2))
     start = Start(table(), None, Policies(policies))
@@ -86,7 +86,7 @@ def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones(ta
             world,
             EXPLORING,
             table(),
-            reference.in_lanes(given.dice[task]),
+            reference.in_lanes(given.rng[task]),
             every=6,
             evaluation=reference.xoshiro(given.evaluation[task]),
             choices=reference.Choices(policies, choice_draws, EXPLORING.gamma, 0.1, 1.0, 0.99, 0.98),
@@ -101,10 +101,10 @@ def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones(ta
 
 
 def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
-    given = chance(len(ETA))
+    given = probability(len(ETA))
     whole = learn(MountainCars(ETA, bins=BINS), EXPLORING, Start(table()), given, ALL, Watch(), lanes=16)
     for task in (0, 9):
-        alone = LaneStreams(given.dice[[task]], given.starts[[task]])
+        alone = LaneStreams(given.rng[[task]], given.starts[[task]])
         single = learn(MountainCars(ETA[[task]], bins=BINS), EXPLORING, Start(table()), alone, ALL, Watch())
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(single, name)[0], getattr(whole, name)[task])

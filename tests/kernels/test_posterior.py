@@ -10,7 +10,7 @@ import pytest
 import reference
 from scipy import stats
 
-from qinit_cli.kernels import dice
+from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, Weighing, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.gridworld import Gridworlds
@@ -18,15 +18,15 @@ from qinit_cli.kernels.gridworld_exact import solve
 from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.reals import load_reals, total
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 
 SIZE, BINS = 6, 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17, 33, 5])
 P = np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7, 0.65, 0.85])
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
-GRID = Learning(alpha=0.1, gamma=0.95, epsilon=0.2, episodes=40, horizon=40, start="anywhere")
-CAR = Learning(alpha=0.1, gamma=0.99, epsilon=0.3, episodes=20, horizon=150, start="anywhere")
+GRID = QLearning(alpha=0.1, gamma=0.95, epsilon=0.2, episodes=40, horizon=40, start="anywhere")
+CAR = QLearning(alpha=0.1, gamma=0.99, epsilon=0.3, episodes=20, horizon=150, start="anywhere")
 RULES: list[dict[str, Any]] = [
     {
         "temperature": 0.05,
@@ -60,16 +60,16 @@ ALL = Records(40, True, True)
 MOMENTS = np.array([0, 1, 2, 5, 20])
 
 
-def chance(seed: int, tasks: int) -> LaneStreams:
+def probability(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2)))
+    return LaneStreams(rng.lane_seeds(streams(0)), *(rng.seeds(streams(kind)) for kind in (1, 2)))
 
 
 def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
     assert given.evaluation is not None
-    return LaneStreams(given.dice[tasks], given.starts[tasks], given.evaluation[tasks])
+    return LaneStreams(given.rng[tasks], given.starts[tasks], given.evaluation[tasks])
 
 
 def grid_hypotheses(rules: dict[str, Any], geometric: bool, tables: int = 11) -> Hypotheses:
@@ -93,7 +93,7 @@ def start_of(hypotheses: Hypotheses) -> Start:
 
 
 def learned_from(
-    worlds: Any, learning: Learning, hypotheses: Hypotheses, given: LaneStreams, lanes: int | None = None
+    worlds: Any, learning: QLearning, hypotheses: Hypotheses, given: LaneStreams, lanes: int | None = None
 ) -> tuple[Learned, Weighing]:
     """With every record, so that few loops are compiled."""
     records = Records(learning.episodes, True, True, 7, np.append(MOMENTS, learning.episodes))
@@ -102,7 +102,7 @@ def learned_from(
     return learned, learned.weighing
 
 
-def weighed_by(hypotheses: Hypotheses, learning: Learning) -> reference.Weighed:
+def weighed_by(hypotheses: Hypotheses, learning: QLearning) -> reference.Weighed:
     fields = {field.name: getattr(hypotheses, field.name) for field in dataclasses.fields(hypotheses)}
     tables = fields.pop("q")
     return reference.Weighed(tables, gamma=learning.gamma, alpha=learning.alpha, **fields)
@@ -123,7 +123,7 @@ def assert_same(
 @pytest.mark.parametrize("geometric", [False, True], ids=["arithmetic", "geometric"])
 @pytest.mark.parametrize("rules", RULES, ids=["weak", "strong", "never frozen"])
 def test_the_gridworld_weighs_as_the_plain_reference_does(rules: dict[str, Any], geometric: bool) -> None:
-    given, hypotheses = chance(1, len(GOALS)), grid_hypotheses(rules, geometric)
+    given, hypotheses = probability(1, len(GOALS)), grid_hypotheses(rules, geometric)
     learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, given)
     assert weighing.moves.min() > 0
     for task in range(len(GOALS)):
@@ -131,7 +131,7 @@ def test_the_gridworld_weighs_as_the_plain_reference_does(rules: dict[str, Any],
         np.testing.assert_allclose(start_of(hypotheses).table, weighed.start, rtol=1e-14)
         starts = reference.xoshiro(given.starts[task])
         world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), None, starts)
-        dice_, evaluation = reference.in_lanes(given.dice[task]), reference.xoshiro(given.evaluation[task])  # type: ignore[index]
+        dice_, evaluation = reference.in_lanes(given.rng[task]), reference.xoshiro(given.evaluation[task])  # type: ignore[index]
         outcome = reference.learn(
             world, GRID, weighed.start, dice_, every=7, evaluation=evaluation, weighed=weighed
         )
@@ -144,14 +144,14 @@ def test_the_gridworld_weighs_as_the_plain_reference_does(rules: dict[str, Any],
 @pytest.mark.parametrize("geometric", [False, True], ids=["arithmetic", "geometric"])
 @pytest.mark.parametrize("rules", RULES, ids=["weak", "strong", "never frozen"])
 def test_mountain_car_weighs_as_the_plain_reference_does(rules: dict[str, Any], geometric: bool) -> None:
-    given, hypotheses = chance(2, len(ETA)), car_hypotheses(rules, geometric)
+    given, hypotheses = probability(2, len(ETA)), car_hypotheses(rules, geometric)
     learned, weighing = learned_from(MountainCars(ETA, bins=BINS), CAR, hypotheses, given)
     assert weighing.moves.min() > 0
     for task, eta in enumerate(ETA):
         weighed, starts = weighed_by(hypotheses, CAR), reference.xoshiro(given.starts[task])
         world = reference.MountainCar(BINS, float(eta), 0.0, "anywhere", starts)
         evaluation = reference.xoshiro(given.evaluation[task])  # type: ignore[index]
-        dice_ = reference.in_lanes(given.dice[task])
+        dice_ = reference.in_lanes(given.rng[task])
         outcome = reference.learn(
             world, CAR, weighed.start, dice_, every=7, evaluation=evaluation, weighed=weighed
         )
@@ -161,7 +161,7 @@ def test_mountain_car_weighs_as_the_plain_reference_does(rules: dict[str, Any], 
 
 @pytest.mark.parametrize("lanes", [1, 3, 4, 9])
 def test_a_gridworld_weighs_the_same_whatever_learns_beside_it(lanes: int) -> None:
-    given, hypotheses = chance(3, len(GOALS)), grid_hypotheses(RULES[0], geometric=False)
+    given, hypotheses = probability(3, len(GOALS)), grid_hypotheses(RULES[0], geometric=False)
     whole, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, given, lanes)
     for tasks in ([3], [6, 1], [8, 5, 4, 3, 2, 0]):
         some, few = learned_from(
@@ -174,7 +174,7 @@ def test_a_gridworld_weighs_the_same_whatever_learns_beside_it(lanes: int) -> No
 
 
 def test_a_car_weighs_the_same_whatever_learns_beside_it() -> None:
-    given, hypotheses = chance(4, len(ETA)), car_hypotheses(RULES[0], geometric=True)
+    given, hypotheses = probability(4, len(ETA)), car_hypotheses(RULES[0], geometric=True)
     whole, weighing = learned_from(MountainCars(ETA, bins=BINS), CAR, hypotheses, given, 16)
     for tasks in ([9], [2, 7, 0]):
         some, few = learned_from(MountainCars(ETA[tasks], bins=BINS), CAR, hypotheses, part(given, tasks))
@@ -185,7 +185,7 @@ def test_a_car_weighs_the_same_whatever_learns_beside_it() -> None:
 
 def test_without_evidence_learning_is_plain_learning_from_the_mean() -> None:
     hypotheses = grid_hypotheses(RULES[0] | {"temperature": 0.0}, geometric=False)
-    given, worlds = chance(5, len(GOALS)), Gridworlds(SIZE, GOALS, P)
+    given, worlds = probability(5, len(GOALS)), Gridworlds(SIZE, GOALS, P)
     learned, weighing = learned_from(worlds, GRID, hypotheses, given)
     plain = learn(worlds, GRID, Start(start_of(hypotheses).table), given, ALL, Watch())
     np.testing.assert_array_equal(learned.q, plain.q)
@@ -198,7 +198,7 @@ def test_the_target_among_the_hypotheses_is_found_and_its_table_learned_from() -
     q, td_var = (np.empty((len(GOALS), SIZE**2, 4)) for _ in range(2))
     solve(GOALS, P, SIZE, GRID.gamma, 1e-12, q, td_var)
     hypotheses = Hypotheses(q, td_var, **RULES[0] | {"temperature": 0.5, "freeze": 30}, geometric=False)
-    _, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, chance(6, len(GOALS)))
+    _, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, probability(6, len(GOALS)))
     np.testing.assert_array_equal(weighing.weights[:, -1].argmax(axis=1), np.arange(len(GOALS)))
     assert np.median(weighing.weights[np.arange(len(GOALS)), -1, np.arange(len(GOALS))]) > 0.99
 
@@ -211,7 +211,7 @@ def test_what_only_refuted_tables_know_is_still_their_mean() -> None:
         q, td_var, **RULES[0] | {"temperature": 1e6, "cap": 1e6, "freeze": 0}, geometric=False
     )
     worlds = Gridworlds(SIZE, GOALS[:1], P[:1])
-    learned, weighing = learned_from(worlds, GRID, hypotheses, part(chance(6, 1), [0]))
+    learned, weighing = learned_from(worlds, GRID, hypotheses, part(probability(6, 1), [0]))
     assert weighing.weights[0, -1, 0] == 1.0
     assert weighing.weights[0, -1, 1] < 1e-250
     np.testing.assert_allclose(learned.q[0, GOALS[0]], q[1, GOALS[0]], rtol=1e-12)
@@ -219,9 +219,9 @@ def test_what_only_refuted_tables_know_is_still_their_mean() -> None:
 
 def test_a_corrected_table_is_what_learning_from_the_last_start_would_hold() -> None:
     """Where targets do not depend on the table: no discounted future, every step explores, episodes of one step."""
-    blind = Learning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
+    blind = QLearning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
     hypotheses = grid_hypotheses(RULES[2] | {"threshold": 0.0}, geometric=False)
-    given, worlds = chance(7, len(GOALS)), Gridworlds(SIZE, GOALS, P)
+    given, worlds = probability(7, len(GOALS)), Gridworlds(SIZE, GOALS, P)
     learned, weighing = learned_from(worlds, blind, hypotheses, given)
     assert weighing.moves.min() > 20
     for task in range(len(GOALS)):
@@ -248,7 +248,7 @@ def test_hypotheses_of_another_shape_are_refused() -> None:
     hypotheses = grid_hypotheses(RULES[0], geometric=False)
     wrong = dataclasses.replace(hypotheses, td_var=hypotheses.td_var[:3])
     with pytest.raises(ValueError, match="hypotheses' TD variance has shape"):
-        learn(Gridworlds(SIZE, GOALS, P), GRID, start_of(wrong), chance(1, len(GOALS)), ALL, Watch())
+        learn(Gridworlds(SIZE, GOALS, P), GRID, start_of(wrong), probability(1, len(GOALS)), ALL, Watch())
 
 
 @lean

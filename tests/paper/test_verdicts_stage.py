@@ -94,8 +94,8 @@ def test_fits_leave_their_tests_and_maps(artefacts: dict[str, Path]) -> None:
         assert np.array_equal(tested.p.reshape(8, 8, 4), fit.read("eopl_normality_p"), equal_nan=True)
         expected = np.exp(fit.read("mu"))
     assert maps.starts["logqinit-median"] == pytest.approx(np.nan_to_num(expected).max(axis=2))
-    chances = Gridworld(size=8, variance=2).goal_chances()
-    inside = chances[tested.among_goals]
+    probabilities = Gridworld(size=8, variance=2).goal_chances()
+    inside = probabilities[tested.among_goals]
     assert inside.sum() >= 0.95 > inside.sum() - inside.min()
 
 
@@ -177,8 +177,8 @@ def test_a_shifted_run_tells_where_its_sources_come_from() -> None:
 
 @pytest.mark.parametrize("variance", [1.0, 7.0])
 def test_chances_of_far_goals_keep_their_tails(variance: float) -> None:
-    chances = Gridworld(variance=variance).goal_chances().reshape(30, 30)
+    probabilities = Gridworld(variance=variance).goal_chances().reshape(30, 30)
     edges = (np.arange(31) - 0.5 - 20) / np.sqrt(variance)
     line = stats.norm.cdf(edges[1:]) - stats.norm.cdf(edges[:-1])
     line[21:] = (stats.norm.sf(edges[:-1]) - stats.norm.sf(edges[1:]))[21:]
-    assert chances[5] / chances[20] == pytest.approx(np.full(30, line[5] / line[20]), rel=1e-9)
+    assert probabilities[5] / probabilities[20] == pytest.approx(np.full(30, line[5] / line[20]), rel=1e-9)

@@ -157,7 +157,7 @@ def test_sources_and_a_run_have_the_content_that_threads_give_them(
     run = ("transfer", "ops-tl", pipeline.fit, "--tasks", 40, "--episodes", 60)
     for words in (sources, run):
         told = [
-            json.loads(here(*words, "--json", "-q", "-o", f"{name}.h5", *where).out)
+            here(*words, "--json", "-q", "-o", f"{name}.h5", *where).json
             for name, where in (("threads", ()), ("cluster", ("--dask", two_workers.file)))
         ]
         assert told[0]["digest"] == told[1]["digest"]
@@ -191,7 +191,7 @@ def test_ctrl_c_keeps_what_came_back_and_threads_go_on_from_there(
     last = err.splitlines()[-1]
     assert "of 160 tasks are saved; the same command goes on with the rest" in last
     assert 0 < int(last.split()[2]) < 160
-    told = json.loads(qinit(*LONG, "--json", "-o", "a.h5").out)
+    told = qinit(*LONG, "--json", "-o", "a.h5").json
     assert told["digest"] == straight
     assert told["skipped"] == int(last.split()[2])
 
@@ -218,7 +218,7 @@ def test_a_dry_run_divides_by_the_threads_of_the_cluster(
 ) -> None:
     assert cluster.threads(str(two_workers.file)) == 2
     ended = here("train-sources", "gridworld", "--size", 6, "--dry-run", "--json", "--dask", two_workers.file)
-    assert json.loads(ended.out)["seconds"] > 0
+    assert ended.json["seconds"] > 0
 
 
 def test_where_no_scheduler_answers_one_sentence_says_so(

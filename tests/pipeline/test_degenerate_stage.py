@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,11 +12,11 @@ import numpy as np
 import pytest
 
 from qinit_cli.commands.train_sources import _told
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.pipeline.degenerate import SourcesLearned, TargetsLearned, of_fit, of_sources, of_targets
 from qinit_cli.pipeline.source_findings import LearnedSources
 
-LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
+LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
 SOUND = SourcesLearned(
     tasks=10, positive=10, solvable=10, solved=9, least=0.01, largest=1.0, steps=1e4, error=0.02
 )
@@ -55,7 +54,12 @@ def test_nothing_is_said_of_what_was_learned() -> None:
             {"least": 1.0},
             "with --gamma 1 nothing is discounted, and all values above 0 are 1",
         ),
-        ("q-learning", {"gamma": 1.0}, {}, "with --gamma 1 a value is the chance to reach the goal at all"),
+        (
+            "q-learning",
+            {"gamma": 1.0},
+            {},
+            "with --gamma 1 a value is the probability of reaching the goal at all",
+        ),
         ("exact", {}, {"least": 0.9999}, "all values above 0 are 1: they tell no state"),
         ("exact", {"horizon": 1}, {"solvable": 0, "solved": 0}, "from its target start within --horizon 1"),
         ("q-learning", {}, {"solved": 0}, "no source is solved"),
@@ -140,7 +144,7 @@ def test_every_stage_warns_on_stderr_and_in_json(here: Callable[..., Any]) -> No
     def warnings(*words: object) -> list[str]:
         ended = here(*words, "--json")
         assert ended.code == 0, ended.err
-        told: list[str] = json.loads(ended.out)["warnings"]
+        told: list[str] = ended.json["warnings"]
         assert [
             line.removeprefix("warning: ") for line in ended.err.splitlines() if line.startswith("warning")
         ] == told

@@ -16,17 +16,17 @@ TASKS, SHAPE = 150, (3, 2, 4)  # three blocks, the last of them short
 
 def _sources() -> dict[str, Any]:
     """Log-normal tables; some entries are zero or negative, one pair is known to nobody, one to a single source."""
-    chance = np.random.default_rng(11)
-    q = np.exp(chance.normal(-3, 0.7, (TASKS, *SHAPE)))
-    q[chance.random(q.shape) < 0.03] = 0.0
-    q[:, 2, 0, 1] = 0.5 * np.exp(chance.normal(0, 0.1, TASKS))  # masked nowhere
+    probability = np.random.default_rng(11)
+    q = np.exp(probability.normal(-3, 0.7, (TASKS, *SHAPE)))
+    q[probability.random(q.shape) < 0.03] = 0.0
+    q[:, 2, 0, 1] = 0.5 * np.exp(probability.normal(0, 0.1, TASKS))  # masked nowhere
     q[:, 0, 0, 0] = 0.0
     q[:, 0, 0, 1] = 0.0
     q[7, 0, 0, 1] = 0.25
     q[3, 1, 1, 1] = -0.1
-    eopl = chance.integers(1, 40, q.shape).astype(np.int32)
-    eopl[chance.random(q.shape) < 0.05] = -1
-    return {"task": np.arange(TASKS), "q": q, "td_var": chance.random(q.shape), "eopl": eopl}
+    eopl = probability.integers(1, 40, q.shape).astype(np.int32)
+    eopl[probability.random(q.shape) < 0.05] = -1
+    return {"task": np.arange(TASKS), "q": q, "td_var": probability.random(q.shape), "eopl": eopl}
 
 
 SOURCES = _sources()

@@ -29,13 +29,13 @@ NOTHING = FitOptions(normality="none")
 
 def _sources(tasks: int = TASKS) -> dict[str, Any]:
     """Tables from log-normal to normal; some entries masked, one pair known to too few, one always the same."""
-    chance = np.random.default_rng(11)
-    q = np.exp(chance.normal(-3, np.linspace(0.01, 0.9, 24).reshape(SHAPE), (tasks, *SHAPE)))
-    q[chance.random(q.shape) < 0.03] = 0.0
+    probability = np.random.default_rng(11)
+    q = np.exp(probability.normal(-3, np.linspace(0.01, 0.9, 24).reshape(SHAPE), (tasks, *SHAPE)))
+    q[probability.random(q.shape) < 0.03] = 0.0
     q[7:, 0, 0, 0] = 0.0
     q[:, 0, 0, 1] = 0.25
-    eopl = np.rint(chance.normal(30, np.linspace(0.5, 6, 24).reshape(SHAPE), q.shape)).astype(np.int32)
-    eopl[chance.random(q.shape) < 0.05] = -1
+    eopl = np.rint(probability.normal(30, np.linspace(0.5, 6, 24).reshape(SHAPE), q.shape)).astype(np.int32)
+    eopl[probability.random(q.shape) < 0.05] = -1
     eopl[:, 0, 0, 1] = 0
     return {"task": np.arange(tasks), "q": q, "td_var": np.zeros_like(q), "eopl": eopl}
 
@@ -108,9 +108,9 @@ def test_too_few_or_equal_values_are_not_testable(test: Any) -> None:
 
 def test_path_lengths_are_tested_against_the_rounded_normal() -> None:
     arrays = _statistics(replace(NOTHING, eopl_normality="rounded"))
-    chance = generator(SEED, Stream.NORMALITY, 2)
+    probability = generator(SEED, Stream.NORMALITY, 2)
     lengths = SOURCES["eopl"].astype(float)
-    known = rounded_normality(lengths, lengths >= 0, chance)
+    known = rounded_normality(lengths, lengths >= 0, probability)
     np.testing.assert_array_equal(arrays["eopl_normality_p"], known.p)
     for cell in CELLS:
         values = lengths[(slice(None), *cell)]
@@ -193,8 +193,8 @@ def test_how_sources_are_read_changes_no_number() -> None:
 
 
 def test_of_many_tasks_5000_drawn_ones_are_tested() -> None:
-    chance = np.random.default_rng(0)
-    many = {"task": np.arange(5_200), "q": np.exp(chance.normal(size=(5_200, 1, 2)))}
+    probability = np.random.default_rng(0)
+    many = {"task": np.arange(5_200), "q": np.exp(probability.normal(size=(5_200, 1, 2)))}
     found = [_statistics(FitOptions(), many, size) for size in (64, 1_000)]
     assert (found[0]["normality_n"] == 5_000).all()
     np.testing.assert_array_equal(found[0]["normality_p"], found[1]["normality_p"])

@@ -8,8 +8,8 @@ import numpy as np
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
-from qinit_cli.kernels.dice import lane_seeds, seeds
 from qinit_cli.kernels.policies import Policies
+from qinit_cli.kernels.random_streams import lane_seeds, seeds
 from qinit_cli.methods import Initial
 from qinit_cli.pipeline.sources import sequences
 from qinit_cli.pipeline.transfer import learn_targets, statics
@@ -118,8 +118,8 @@ def test_tables_are_kept_only_where_asked() -> None:
 
 
 def test_what_is_the_same_for_every_target_is_kept_once_along_the_state_axes() -> None:
-    chance = np.random.default_rng(0)
-    start, potential = chance.random((36, 4)), chance.random(36)
+    probability = np.random.default_rng(0)
+    start, potential = probability.random((36, 4)), probability.random(36)
     kept = statics(_initial(start, potential), FAMILY)
     np.testing.assert_array_equal(kept["start"], start.reshape(6, 6, 4))
     np.testing.assert_array_equal(kept["potential"], potential.reshape(6, 6))
@@ -128,8 +128,8 @@ def test_what_is_the_same_for_every_target_is_kept_once_along_the_state_axes() -
 
 
 def test_what_depends_on_the_target_is_kept_with_it() -> None:
-    chance = np.random.default_rng(0)
-    start, potential = chance.random((6, 36, 4)), chance.random((6, 36))
+    probability = np.random.default_rng(0)
+    start, potential = probability.random((6, 36, 4)), probability.random((6, 36))
     assert statics(_initial(start, potential), FAMILY) == {}
     rows = _rows(_initial(start, potential), np.array([3, 1]))
     np.testing.assert_array_equal(rows["start"], start[[3, 1]].reshape(2, 6, 6, 4))

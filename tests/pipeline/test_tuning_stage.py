@@ -13,16 +13,16 @@ from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
-from qinit_cli.pipeline.rehearsal import Rehearsal, candidates, parameters_of
+from qinit_cli.pipeline.cross_validation import CrossValidation, candidates, parameters_of
 from qinit_cli.pipeline.transfer import learn_targets
 from qinit_cli.pipeline.tuning import with_parameters
 from qinit_cli.seeding import Stream
-from qinit_cli.tasks import STAND_INS, TARGETS, TargetTasks
+from qinit_cli.tasks import TARGETS, VALIDATION, TargetTasks
 from qinit_cli.watch import Watch
 
 FAMILY = Gridworld(size=5, variance=2)
 LEARNING = replace(FAMILY.target_learning, episodes=40)
-STANDING_IN = TargetTasks(FAMILY, LEARNING, 7, False, streams=STAND_INS)
+STANDING_IN = TargetTasks(FAMILY, LEARNING, 7, False, streams=VALIDATION)
 QUANTILE = METHODS["logqinit-quantile"]()
 
 
@@ -68,8 +68,8 @@ def test_a_value_out_of_range_is_refused() -> None:
 def test_a_source_starts_from_the_fit_of_the_other_folds() -> None:
     fold = np.repeat(np.arange(FOLDS), 2)
     tried = candidates(QUANTILE, {"quantile": (0.3,)})
-    rehearsal = Rehearsal(STANDING_IN, tried, _fits(FOLDS), fold)
-    ids, rows = rehearsal(np.arange(10), Watch())
+    validation = CrossValidation(STANDING_IN, tried, _fits(FOLDS), fold)
+    ids, rows = validation(np.arange(10), Watch())
     np.testing.assert_array_equal(ids, np.arange(10))
     for column, method in enumerate(tried):
         initial = method.initial_of_all(_fits(FOLDS)[3], STANDING_IN.family, STANDING_IN.learning)
@@ -80,9 +80,9 @@ def test_a_source_starts_from_the_fit_of_the_other_folds() -> None:
 
 def test_the_batch_does_not_matter_and_an_unusable_source_is_not_tried() -> None:
     fold = np.array([0, 0, -1, 1, 1, 2, 2, 3, 3, 4, 4])
-    rehearsal = Rehearsal(STANDING_IN, [QUANTILE], _fits(FOLDS), fold)
-    _, together = rehearsal(np.arange(11), Watch())
-    _, alone = rehearsal(np.array([4]), Watch())
+    validation = CrossValidation(STANDING_IN, [QUANTILE], _fits(FOLDS), fold)
+    _, together = validation(np.arange(11), Watch())
+    _, alone = validation(np.array([4]), Watch())
     assert together["average"][4] == alone["average"][0]
     assert np.isnan(together["average"][2]).all()
     assert together["steps"][2] == 0
@@ -93,8 +93,8 @@ def test_the_tasks_are_the_sources_own_and_the_dice_are_nobody_elses() -> None:
     np.testing.assert_array_equal(
         STANDING_IN.draw(indices), draw_tasks(FAMILY, 7, Stream.SOURCE_TASK, indices)
     )
-    used = {STAND_INS.dice, STAND_INS.start, STAND_INS.evaluation, STAND_INS.choice, STAND_INS.world}
-    theirs = {TARGETS.task, TARGETS.dice, TARGETS.start, TARGETS.evaluation, TARGETS.choice, TARGETS.world}
+    used = {VALIDATION.rng, VALIDATION.start, VALIDATION.evaluation, VALIDATION.choice, VALIDATION.world}
+    theirs = {TARGETS.task, TARGETS.rng, TARGETS.start, TARGETS.evaluation, TARGETS.choice, TARGETS.world}
     assert not used & theirs
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ METHODS = ("zero", "ucoi", "logqinit-median")
 
 
 def _compared(here: Draw, runs: list[Path], *options: str) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = json.loads(here("compare", *runs, "--json", *options).out)["rows"]
+    rows: list[dict[str, Any]] = here("compare", *runs, "--json", *options).json["rows"]
     return rows
 
 

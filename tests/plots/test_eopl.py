@@ -98,8 +98,8 @@ def test_sources_that_were_learned_in_another_way_are_told(
 
 
 def test_the_floor_stands_behind_and_does_not_flatten_the_densities() -> None:
-    chance = np.random.default_rng(0)
-    wide = LengthSample.of(np.rint(chance.normal(150, 15, 300)).astype(int))
+    rng = np.random.default_rng(0)
+    wide = LengthSample.of(np.rint(rng.normal(150, 15, 300)).astype(int))
     narrow = LengthSample.of(np.full(20, 150))
     with house_style():
         figure = eopl([DrawnLengths("a", "", wide, False), DrawnLengths("floor", "", narrow, True)], "")
@@ -137,9 +137,9 @@ def test_few_or_equal_lengths_are_not_testable_and_yet_drawn(lengths: list[int])
 
 
 def test_rounded_normals_are_not_rejected_and_skewed_lengths_are() -> None:
-    chance = np.random.default_rng(4)
-    fair = LengthSample.of(np.rint(chance.normal(40, 1.4, 100)).astype(int))
-    skewed = LengthSample.of(np.rint(chance.lognormal(3, 0.6, 100)).astype(int))
+    rng = np.random.default_rng(4)
+    fair = LengthSample.of(np.rint(rng.normal(40, 1.4, 100)).astype(int))
+    skewed = LengthSample.of(np.rint(rng.lognormal(3, 0.6, 100)).astype(int))
     assert fair.rounded_normal(np.random.default_rng(0))[1] > 0.05
     assert skewed.rounded_normal(np.random.default_rng(0))[1] < 0.01
 

@@ -50,10 +50,10 @@ def test_a_run_and_its_fit_stand_in_one_column_once(drawn: Draw, pipeline: Any) 
 
 
 def test_the_chances_of_the_goal_add_up_and_are_largest_at_their_mean(drawn: Draw, pipeline: Any) -> None:
-    chances = _images(drawn("heatmaps", pipeline.fit))["goals"].get_array()
-    assert np.unravel_index(chances.argmax(), chances.shape) == (4, 4)  # 2/3 of 6
+    probabilities = _images(drawn("heatmaps", pipeline.fit))["goals"].get_array()
+    assert np.unravel_index(probabilities.argmax(), probabilities.shape) == (4, 4)  # 2/3 of 6
     # the start is drawn below the least, as 0 has no logarithm
-    assert chances.sum() - chances[0, 0] == pytest.approx(1)
+    assert probabilities.sum() - probabilities[0, 0] == pytest.approx(1)
 
 
 def test_a_table_of_the_fit_is_drawn_at_the_action_of_the_largest_mean(drawn: Draw, pipeline: Any) -> None:
@@ -250,8 +250,8 @@ def test_one_chance_everywhere_is_not_drawn_black() -> None:
 
     from qinit_cli.plots.heatmaps import _colours
 
-    chances = np.full((3, 3), 1 / 8)
-    chances[0, 0] = 0
-    norm = _colours(Layer("chance", {("goals", "uniform"): chances}, logarithmic=True))
+    probabilities = np.full((3, 3), 1 / 8)
+    probabilities[0, 0] = 0
+    norm = _colours(Layer("probability", {("goals", "uniform"): probabilities}, logarithmic=True))
     assert isinstance(norm, LogNorm)
     assert norm(1 / 8) == pytest.approx(0.5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -82,7 +81,7 @@ def test_every_picture_describes_itself(here: Draw, pipeline: Any, tuning: Path,
 
 def test_the_words_of_bars_are_the_numbers_of_compare(here: Draw, pipeline: Any) -> None:
     said = BarsPlot().of_runs(_runs(pipeline, "zero", "mean")).alt
-    rows = json.loads(here("compare", pipeline.runs["zero"], pipeline.runs["mean"], "--json").out)["rows"]
+    rows = here("compare", pipeline.runs["zero"], pipeline.runs["mean"], "--json").json["rows"]
     for row in rows:
         numbers = [f"{row[name]:.4f}" for name in ("return", "return_low", "return_high")]
         assert f"{row['method']} {numbers[0]} ({numbers[1]} to {numbers[2]})" in said

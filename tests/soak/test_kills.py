@@ -121,16 +121,16 @@ def logged(folder: Path) -> list[int]:
 
 
 def interrupted_until_done(
-    job: Job, folder: Path, chance: random.Random, signals: tuple[signal.Signals, ...]
+    job: Job, folder: Path, rng: random.Random, signals: tuple[signal.Signals, ...]
 ) -> Counter[str]:
     """Starts the command up to four times with a signal at a random time, and then without, until it comes to its end."""
     folder.mkdir()
     counts: Counter[str] = Counter()
-    for left in reversed(range(chance.randrange(2, 6))):
-        before, number = logged(folder), chance.choice(signals)
+    for left in reversed(range(rng.randrange(2, 6))):
+        before, number = logged(folder), rng.choice(signals)
         process = job.started(folder)
         if left:
-            time.sleep(chance.uniform(0, job.seconds))
+            time.sleep(rng.uniform(0, job.seconds))
             process.send_signal(number)
         out, err = process.communicate(timeout=120)
         assert len(set(logged(folder))) == len(logged(folder)), "a task was learned twice"
@@ -156,10 +156,10 @@ def interrupted_until_done(
 def interrupt(
     job: Job, folder: Path, most: int, signals: tuple[signal.Signals, ...], seed: int
 ) -> Counter[str]:
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     counts: Counter[str] = Counter()
     while counts["interrupted"] < most:
-        counts += interrupted_until_done(job, folder / str(counts["runs"]), chance, signals)
+        counts += interrupted_until_done(job, folder / str(counts["runs"]), rng, signals)
         counts["runs"] += 1
     return counts
 

@@ -45,32 +45,32 @@ def outcome(path, expected):
 
 def damaged(content, seed):
     """The content with a few bytes changed, moved, cut or zeroed; every second one with checksums repaired."""
-    chance = random.Random(seed)
+    probability = random.Random(seed)
     changed = bytearray(content)
     if seed % 2:
-        return _header_damaged(changed, chance)
-    for _ in range(chance.choice((1, 1, 2, 8))):
-        at, length = chance.randrange(len(changed)), chance.choice((1, 1, 2, 4, 8, 64, 512))
-        match chance.randrange(5):
+        return _header_damaged(changed, probability)
+    for _ in range(probability.choice((1, 1, 2, 8))):
+        at, length = probability.randrange(len(changed)), probability.choice((1, 1, 2, 4, 8, 64, 512))
+        match probability.randrange(5):
             case 0:
-                changed[at] ^= 1 << chance.randrange(8)
+                changed[at] ^= 1 << probability.randrange(8)
             case 1:
-                changed[at : at + length] = chance.randbytes(len(changed[at : at + length]))
+                changed[at : at + length] = probability.randbytes(len(changed[at : at + length]))
             case 2:
                 changed[at : at + length] = bytes(len(changed[at : at + length]))
             case 3:
-                source = chance.randrange(len(changed))
+                source = probability.randrange(len(changed))
                 changed[at : at + length] = changed[source : source + length]
             case 4:
                 del changed[at : at + length]
     return bytes(changed)
 
 
-def _header_damaged(content, chance):
-    first, size = chance.choice(headers(content))
-    for _ in range(chance.choice((1, 1, 2, 3))):
-        content[chance.randrange(first + 6, first + size)] = chance.choice(
-            (0, 1, 2, 4, 8, 16, 127, 128, 255, chance.randrange(256))
+def _header_damaged(content, probability):
+    first, size = probability.choice(headers(content))
+    for _ in range(probability.choice((1, 1, 2, 3))):
+        content[probability.randrange(first + 6, first + size)] = probability.choice(
+            (0, 1, 2, 4, 8, 16, 127, 128, 255, probability.randrange(256))
         )
     content[first + size : first + size + 4] = checksum(content[first : first + size])
     return bytes(content)

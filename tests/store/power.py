@@ -127,18 +127,18 @@ class Recorder(Disk):
         self.note()
 
 
-def survive(moment, root, target, chance, *, least):
+def survive(moment, root, target, probability, *, least):
     """Write under `target` what the cut leaves of `moment`; the `least` there can be, else a drawn mixture."""
     directories, _ = moment
 
     def lay(path, to):
         to.mkdir(exist_ok=True)
         states = directories[path].states
-        entries = states[0] if least else chance.choice(states)
+        entries = states[0] if least else probability.choice(states)
         for name, value in entries.items():
             if isinstance(value, File):
                 contents = value.survivors()
-                (to / name).write_bytes(contents[0] if least else chance.choice(contents))
+                (to / name).write_bytes(contents[0] if least else probability.choice(contents))
             else:
                 lay(value, to / name)
 

@@ -522,11 +522,11 @@ def noticed(path, content, expected):
 def test_flipped_bits_are_noticed_or_harmless(tmp_path, make):
     path = make(tmp_path / "a.h5")
     content, expected = path.read_bytes(), values_of(path)
-    chance = random.Random(7)
+    probability = random.Random(7)
     found = 0
     for _ in range(150):
         changed = bytearray(content)
-        changed[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        changed[probability.randrange(len(content))] ^= 1 << probability.randrange(8)
         found += noticed(path, changed, expected)
     assert found > 50  # the rest fell into padding
 
@@ -534,8 +534,8 @@ def test_flipped_bits_are_noticed_or_harmless(tmp_path, make):
 def test_truncated_files_are_noticed(sound, tmp_path):
     path = tmp_path / "a.h5"
     content, expected = sound.read_bytes(), values_of(sound)
-    chance = random.Random(8)
-    cuts = sorted({0, 1, 8, 48, len(content) - 1, *(chance.randrange(len(content)) for _ in range(70))})
+    probability = random.Random(8)
+    cuts = sorted({0, 1, 8, 48, len(content) - 1, *(probability.randrange(len(content)) for _ in range(70))})
     assert all(noticed(path, content[:cut], expected) for cut in cuts)
 
 
@@ -543,12 +543,14 @@ def test_truncated_files_are_noticed(sound, tmp_path):
 def test_very_many_flipped_bits_and_blocks_are_noticed_or_harmless(tmp_path):
     path = make_sources(tmp_path / "a.h5", tasks=40)
     content, expected = path.read_bytes(), values_of(path)
-    chance = random.Random(9)
+    probability = random.Random(9)
     for _ in range(4000):
         changed = bytearray(content)
-        at = chance.randrange(len(content))
-        if chance.random() < 0.5:
-            changed[at] ^= 1 << chance.randrange(8)
+        at = probability.randrange(len(content))
+        if probability.random() < 0.5:
+            changed[at] ^= 1 << probability.randrange(8)
         else:
-            changed[at : at + chance.choice((2, 8, 512))] = chance.randbytes(chance.choice((2, 8, 512)))
+            changed[at : at + probability.choice((2, 8, 512))] = probability.randbytes(
+                probability.choice((2, 8, 512))
+            )
         noticed(path, changed, expected)

@@ -55,11 +55,11 @@ def losses(tmp_path, recorder_class, rounds=2):
     root.mkdir()
     recorder = recorder_class(root)
     record(root, recorder)
-    chance = random.Random(3)
+    probability = random.Random(3)
     for number, moment in enumerate(recorder.moments):
         for turn in range(rounds):
             target = tmp_path / f"{number}-{turn}"
-            survive(moment, root, target, chance, least=turn == 0)
+            survive(moment, root, target, probability, least=turn == 0)
             loss = lost(target / "store" / "a.h5", moment[1])
             if loss:
                 yield loss
@@ -75,10 +75,10 @@ def test_the_same_command_ends_with_the_same_content_after_a_power_cut(tmp_path)
     root.mkdir()
     recorder = Recorder(root)
     whole = record(root, recorder).read_bytes()
-    chance = random.Random(4)
+    probability = random.Random(4)
     for number, moment in enumerate(recorder.moments[::4]):
         target = tmp_path / str(number)
-        survive(moment, root, target, chance, least=number % 2 == 0)
+        survive(moment, root, target, probability, least=number % 2 == 0)
         path = target / "store" / "a.h5"
         make_sources(path, tasks=4, schema=LIGHT)
         with open_artefact(path) as artefact, open_artefact(root / "store" / "a.h5") as straight:

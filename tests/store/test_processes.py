@@ -35,12 +35,12 @@ def start(*arguments):
 
 def kill_at_random_times(path, tasks, kills, how, seed):
     """Start the child again and again, `how` it each time; everything it ever said it saved."""
-    chance = random.Random(seed)
+    probability = random.Random(seed)
     said = set()
     for _ in range(kills):
         with start("make", path, tasks) as child:
             assert child.stdout.readline() == "ready\n"
-            time.sleep(chance.random() * 0.25)
+            time.sleep(probability.random() * 0.25)
             child.send_signal(how)
             said |= {int(line) for line in child.stdout}
         if path.exists():

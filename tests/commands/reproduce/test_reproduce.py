@@ -98,7 +98,7 @@ def test_the_same_command_again_finds_it_complete_and_draws_only_what_is_gone(
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").iterdir()} == before
 
     (tmp_path / "out" / "fig9-b.png").unlink()
-    third = json.loads(here(*words, "--json").out)
+    third = here(*words, "--json").json
     assert (third["made"], third["drawn"]) == (0, 1)
     assert (tmp_path / "out" / "fig9-b.png").read_bytes() == (folder / "fig9-b.png").read_bytes()
 
@@ -110,7 +110,7 @@ def test_its_tables_are_what_compare_prints_and_optimal_stands_beside_its_own_ta
     paths = [one["path"] for one in _manifest(folder)["artefacts"] if one["role"] == "run"]
     whole = json.loads((folder / "fig9.json").read_text())
     compared = here("compare", *(path for path in paths if "optimal-2" not in path), "--json")
-    by_method = {row["method"]: row for row in json.loads(compared.out)["rows"]}
+    by_method = {row["method"]: row for row in compared.json["rows"]}
     assert {row["method"]: row for row in whole["rows"]} == by_method
     assert "optimal" not in by_method
     first = json.loads((folder / "fig9-optimal.json").read_text())
@@ -127,7 +127,7 @@ def test_its_artefacts_are_the_very_ones_of_the_plain_commands(
     assert all(any(label in one["path"] for one in chosen) for label in labels)
     for one in chosen:
         ended = here(*shlex.split(one["command"])[1:], "--json")
-        told = json.loads(ended.out)
+        told = ended.json
         assert "already complete" in ended.err
         if one["role"] != "optimal tables":  # their command is that of the run which they are made for
             assert (told["path"], told["digest"]) == (one["path"], one["content_sha256"])
@@ -139,7 +139,7 @@ def test_what_plain_commands_made_is_found(here: Callable[..., Any], tmp_path: P
     here(
         "train-sources", "gridworld", "--size", 6, "--goals", "uniform", "--episodes", 300, "--tasks", 5, "-q"
     )
-    told = json.loads(here("reproduce", "fig4", "--scale", "quick", "--dry-run", "--json").out)
+    told = here("reproduce", "fig4", "--scale", "quick", "--dry-run", "--json").json
     assert (told["stages"]["sources"]["artefacts"], told["stages"]["sources"]["missing"]) == (2, 1)
     made = here("reproduce", "fig4", "--scale", "quick", "-o", "out")
     assert "5 tasks are taken over" in made.err
@@ -151,7 +151,7 @@ def test_a_dry_run_makes_nothing_and_tells_steps_seconds_and_bytes(
     here: Callable[..., Any], tmp_path: Path
 ) -> None:
     ended = here("reproduce", "all", "--scale", "quick", "--dry-run", "--json")
-    told = json.loads(ended.out)
+    told = ended.json
     assert ended.code == 0
     assert told["missing"] == told["artefacts"] > 50
     assert min(told["steps"], told["seconds"], told["bytes"], told["bytes_free"]) > 0

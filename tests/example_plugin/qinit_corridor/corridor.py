@@ -19,7 +19,7 @@ class Corridor(TableFamily):
     """A corridor whose door, and whose slippery floor, change from task to task."""
 
     length: int = option(20, "Cells of the corridor.", low=4, high=10_000)
-    slip: float = option(0.2, "Largest chance that a step goes the other way.", low=0, high=0.5)
+    slip: float = option(0.2, "Largest probability that a step goes the other way.", low=0, high=0.5)
 
     name: ClassVar[str] = "corridor"
     actions: ClassVar[tuple[str, ...]] = ("back", "forth")
@@ -43,7 +43,7 @@ class Corridor(TableFamily):
                 ("task",),
                 "<f8",
                 "1",
-                "chance that a step goes the other way",
+                "probability that a step goes the other way",
                 low=0,
                 high=self.slip,
             ),

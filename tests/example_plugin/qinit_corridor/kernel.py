@@ -17,16 +17,16 @@ class World(NamedTuple):
 
 
 @starts(World)
-def start(world, task, lane, dice, anywhere):
+def start(world, task, lane, rng, anywhere):
     """The first cell, or any but the door's."""
     if not anywhere:
         return 0
-    cell = below(dice, world.length - 1)
+    cell = below(rng, world.length - 1)
     return cell + (cell >= world.door[task])
 
 
 @steps(World)
-def step(world, task, lane, state, action, uniform, dice):
+def step(world, task, lane, state, action, uniform, rng):
     """A cell on, or back if the floor is slippery."""
     meant = uniform < 1 - world.slip[task]
     after = walked(state, 1 if (action == 1) == meant else -1, world.length)

@@ -8,39 +8,39 @@ import numpy as np
 import pytest
 import reference
 
-from qinit_cli.kernels import dice
+from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
+from qinit_cli.kernels.generic_loop import GOAL, LOST
 from qinit_cli.kernels.gridworld import Gridworlds, neighbours
 from qinit_cli.kernels.posterior import Hypotheses
-from qinit_cli.kernels.stepping import GOAL, LOST
 from qinit_cli.kernels.tables import Tables
-from qinit_cli.learning import Learning
+from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 
 TASKS, STATES, ACTIONS, OUTCOMES = 6, 9, 6, 3
-EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
-GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
+EXPLORING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
+GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
 ALL = Records(bins=60, visits=True, td_var=True)
 
 
 def tables(tasks: slice | list[int] = slice(None)) -> Tables:
-    """Random ones, with ways that end well and badly, an outcome of chance 0, and a state where nobody acts."""
+    """Random ones, with ways that end well and badly, an outcome of probability 0, and a state where nobody acts."""
     random = np.random.default_rng(3)
     after = random.integers(-2, STATES - 1, (TASKS, STATES, ACTIONS, OUTCOMES)).astype(np.int32)
-    chance = random.dirichlet(np.ones(OUTCOMES), (TASKS, STATES, ACTIONS))
-    chance[:, 0, 0] = 0.25, 0.0, 0.75
+    probability = random.dirichlet(np.ones(OUTCOMES), (TASKS, STATES, ACTIONS))
+    probability[:, 0, 0] = 0.25, 0.0, 0.75
     start = np.zeros((TASKS, STATES))
     start[:, [1, 4]] = 0.25, 0.75
     open = np.ones((TASKS, STATES), bool)
     open[:, STATES - 1] = False
-    return Tables(after[tasks], chance[tasks], start[tasks], open[tasks])
+    return Tables(after[tasks], probability[tasks], start[tasks], open[tasks])
 
 
 class Table:
     """One task, stepped through in plain Python."""
 
     def __init__(self, all_of_them: Tables, task: int, anywhere: bool, starts) -> None:
-        self.after, self.chance = all_of_them.after[task], all_of_them.chance[task]
+        self.after, self.probability = all_of_them.after[task], all_of_them.probability[task]
         self.start, self.open = all_of_them.start[task], np.flatnonzero(all_of_them.open[task])
         self.anywhere, self.starts = anywhere, starts
         self.states, self.actions, self.state, self.lost = STATES, ACTIONS, 0, False
@@ -63,8 +63,8 @@ class Table:
 
     def step(self, draw: int, action: int, draws=None) -> bool:
         number, total = (draw >> 32) * 2.0**-32, 0.0
-        for outcome in np.flatnonzero(self.chance[self.state, action]):
-            total += self.chance[self.state, action, outcome]
+        for outcome in np.flatnonzero(self.probability[self.state, action]):
+            total += self.probability[self.state, action, outcome]
             after = int(self.after[self.state, action, outcome])
             if number < total:
                 break
@@ -74,11 +74,11 @@ class Table:
         return after == GOAL
 
 
-def chance(seed: int, tasks: int) -> LaneStreams:
+def probability(seed: int, tasks: int) -> LaneStreams:
     def streams(kind: int) -> list[np.random.SeedSequence]:
         return [np.random.SeedSequence(seed, spawn_key=(kind, task)) for task in range(tasks)]
 
-    return LaneStreams(dice.lane_seeds(streams(0)), *(dice.seeds(streams(kind)) for kind in (1, 2, 3)))
+    return LaneStreams(rng.lane_seeds(streams(0)), *(rng.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
 def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
@@ -109,21 +109,21 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome) -> None
 
 @pytest.mark.parametrize("learning", [EXPLORING, GREEDY], ids=["exploring", "greedy"])
 @pytest.mark.parametrize("shaped", [False, True])
-def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(learning: Learning, shaped: bool) -> None:
-    given = chance(1, TASKS)
+def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(learning: QLearning, shaped: bool) -> None:
+    given = probability(1, TASKS)
     phi = np.random.default_rng(6).random((TASKS, STATES)) if shaped else None
     learned = learn(worlds(), learning, Start(start_table(), phi), given, ALL, Watch())
     for task in range(TASKS):
         starts = reference.xoshiro(given.starts[task])
         world = Table(tables(), task, learning.start == "anywhere", starts)
         own = None if phi is None else phi[task]
-        outcome = reference.learn(world, learning, start_table(), reference.in_lanes(given.dice[task]), own)
+        outcome = reference.learn(world, learning, start_table(), reference.in_lanes(given.rng[task]), own)
         assert_same(learned, task, outcome)
 
 
 @pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
 def test_evaluation_and_policies_equal_the_plain_ones(exploring: bool) -> None:
-    given, policies = chance(11, TASKS), np.random.default_rng(3).integers(0, ACTIONS, (5, STATES))
+    given, policies = probability(11, TASKS), np.random.default_rng(3).integers(0, ACTIONS, (5, STATES))
     rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
     start = Start(start_table(), None, Policies(policies, **rules, explore_while_following=exploring))
     learned = learn(worlds(), EXPLORING, start, given, dataclasses.replace(ALL, evaluate_every=7), Watch())
@@ -132,7 +132,7 @@ def test_evaluation_and_policies_equal_the_plain_ones(exploring: bool) -> None:
             Table(tables(), task, True, reference.xoshiro(given.starts[task])),
             EXPLORING,
             start.table,
-            reference.in_lanes(given.dice[task]),
+            reference.in_lanes(given.rng[task]),
             every=7,
             evaluation=reference.xoshiro(given.evaluation[task]),
             choices=reference.Choices(
@@ -147,7 +147,7 @@ def test_evaluation_and_policies_equal_the_plain_ones(exploring: bool) -> None:
 
 @pytest.mark.parametrize("lanes", [1, 3, 8])
 def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
-    given = chance(2, TASKS)
+    given = probability(2, TASKS)
     whole = learn(worlds(), EXPLORING, Start(start_table()), given, ALL, Watch(), lanes=lanes)
     for tasks in ([3], [5, 1], [4, 3, 2, 0]):
         some = learn(worlds(tasks), EXPLORING, Start(start_table()), part(given, tasks), ALL, Watch())
@@ -156,7 +156,7 @@ def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
 
 
 def test_every_step_is_counted_once() -> None:
-    learned = learn(worlds(), EXPLORING, Start(start_table()), chance(5, TASKS), ALL, watch := Watch())
+    learned = learn(worlds(), EXPLORING, Start(start_table()), probability(5, TASKS), ALL, watch := Watch())
     np.testing.assert_array_equal(learned.visits.sum(axis=(1, 2)), learned.step_count)
     np.testing.assert_array_equal(learned.steps.sum(axis=1), learned.step_count)
     assert watch.steps == learned.step_count.sum()
@@ -166,7 +166,7 @@ SIZE, GOALS, P = 6, np.array([35, 14, 1, 22]), np.array([0.6, 0.75, 0.9, 0.8])
 
 
 def gridworlds_as_tables() -> Tables:
-    """Gridworlds written as tables, the ways of a step in the order in which the gridworld's dice slip."""
+    """Gridworlds written as tables, the ways of a step in the order in which the gridworld's draws slip."""
     moves = neighbours(SIZE).reshape(-1, 4).astype(np.int32)
     ways = np.stack([moves[:, (np.arange(4) + action) % 4] for action in range(4)], axis=1)
     after = np.where(ways == GOALS[:, None, None, None], GOAL, ways).astype(np.int32)
@@ -178,7 +178,7 @@ def gridworlds_as_tables() -> Tables:
 
 @pytest.mark.parametrize("weighing", [False, True])
 def test_a_gridworld_written_as_a_table_learns_what_the_gridworlds_own_loop_learns(weighing: bool) -> None:
-    given, random = chance(8, 4), np.random.default_rng(2)
+    given, random = probability(8, 4), np.random.default_rng(2)
     q = random.uniform(0.1, 0.9, (5, SIZE**2, 4)) * (random.random((5, SIZE**2, 4)) > 0.1)
     rules = {"temperature": 0.05, "floor": 0.01, "excess": 0.5, "cap": 25.0, "freeze": 9, "threshold": 0.05}
     hypotheses = Hypotheses(q, random.uniform(0, 0.05, q.shape), **rules, geometric=False, centred=True)

@@ -1,6 +1,6 @@
 """Typer commands made from dataclasses: each group of options is a dataclass, and the command receives one instance of each.
 
-Families, methods and the shared groups declare their options once (qinit_cli.fields.option); this file spells them for typer.
+Families, methods and the shared groups declare their options once (qinit_cli.options.option); this file spells them for typer.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Annotated, Any, ClassVar
 
 import typer
 
+from qinit_cli.commands.console import compiling
 from qinit_cli.commands.help import SETTINGS, Command, Commands, HelpAll
-from qinit_cli.commands.messages import compiling
 from qinit_cli.commands.option_groups import Group
 from qinit_cli.registry import Registry
 

@@ -73,7 +73,7 @@ def flag(name: str) -> str:
 
 
 def help_of(option: dataclasses.Field[Any]) -> str:
-    """The help of an option, with its range: "Chance that a step explores. [0 to 1]"."""
+    """The help of an option, with its range: "Probability that a step explores. [0 to 1]"."""
     bounds = _bounds(option)
     return (
         f"{option.metadata['help']} [{bounds.removeprefix('from ')}]" if bounds else option.metadata["help"]

@@ -18,12 +18,12 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables
 from qinit_cli.methods import Method
 from qinit_cli.pipeline import fit as stage
-from qinit_cli.pipeline.asked import Rehearsing
+from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
 from qinit_cli.pipeline.transfer import learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
-from qinit_cli.tasks import STAND_INS, TargetTasks
+from qinit_cli.tasks import VALIDATION, TargetTasks
 from qinit_store.held import Held
 from qinit_store.wording import counted
 
@@ -59,36 +59,38 @@ def tried(method: Method, values: Grid) -> list[Method]:
     return several
 
 
-def plan_for(source: Artefact, method: Method, values: Grid, rehearsing: Rehearsing) -> Plan:
+def plan_for(source: Artefact, method: Method, values: Grid, validating: CrossValidating) -> Plan:
     """The artefact of how a method's parameters fare on the sources."""
     several = tried(method.on(family_in(source)), values)
-    return plan_of(source, method, rehearsal_of(source, several, rehearsing), values)
+    return plan_of(source, method, cross_validation_of(source, several, validating), values)
 
 
-def plan_of(source: Artefact, method: Method, rehearsal: Rehearsal, values: Grid) -> Plan:
+def plan_of(source: Artefact, method: Method, validation: CrossValidation, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
-    family, tried = rehearsal.targets.family, rehearsal.candidates
+    family, tried = validation.targets.family, validation.candidates
     spec = specs.tuning(
-        method, values, rehearsal.targets, source.spec, source.content_sha256, source.task_count
+        method, values, validation.targets, source.spec, source.content_sha256, source.task_count
     )
     return Plan(
         stem=f"{family.label}-{method.name}-{source.task_count}",
         spec=spec,
         schema=tuning_schema(tuple(values), len(tried)),
-        learn=rehearsal,
+        learn=validation,
         kernel=f"{family.name} targets",
         what=counted(len(tried), "candidate"),
         read=source if isinstance(source, Held) else source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
-        learning_bytes=learning_bytes(rehearsal.targets.learning.episodes),
+        learning_bytes=learning_bytes(validation.targets.learning.episodes),
         statics=parameters_of(tried, tuple(values)),
     )
 
 
-def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) -> Rehearsal:
+def cross_validation_of(
+    source: Artefact, tried: list[Method], validating: CrossValidating
+) -> CrossValidation:
     """The learner, with a fit of all other sources for each fold."""
     family, fitting = family_in(source), FitOptions()
-    learning = rehearsing.learning(family, source.spec["learning"])
+    learning = validating.learning(family, source.spec["learning"])
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(
@@ -102,8 +104,8 @@ def rehearsal_of(source: Artefact, tried: list[Method], rehearsing: Rehearsing) 
         others = replace(selection, kept=selection.kept & (fold != number))
         blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
         fits.append(FittedTables.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
-    targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=STAND_INS)
-    return Rehearsal(targets, tried, fits, fold)
+    targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=VALIDATION)
+    return CrossValidation(targets, tried, fits, fold)
 
 
 def candidates(method: Method, grid: Grid) -> list[Method]:
@@ -116,7 +118,7 @@ def candidates(method: Method, grid: Grid) -> list[Method]:
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class CrossValidation:
     """Learns sources in the place of targets, under every candidate; called as any learner is, with ids of sources."""
 
     targets: TargetTasks  # whose tasks are the sources

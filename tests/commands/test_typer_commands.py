@@ -8,10 +8,10 @@ from typing import Any, Literal
 import pytest
 import typer
 
-from qinit_cli.commands.build import Reference, add_command
 from qinit_cli.commands.option_groups import Group
+from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
-from qinit_cli.fields import check, option
+from qinit_cli.options import check, option
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from numba.extending import overload
 
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.compiled import LEAN, inlined, kept_with, unkept, unkept_inlined
-from qinit_cli.kernels.dice import LOW_12, LOW_20, THIRTY_TWO, TWELVE, Words, draw, draw_block, unit
 from qinit_cli.kernels.lane import BLOCK, TD_VAR_RATE, evaluation_due, is_idle, lanes_in_use
 from qinit_cli.kernels.policies import begin, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
 from qinit_cli.kernels.posterior import count_goal, mean_at, weigh
-from qinit_cli.learning import Learning
+from qinit_cli.kernels.random_streams import LOW_12, LOW_20, THIRTY_TWO, TWELVE, Words, draw, draw_block, unit
+from qinit_cli.learning import QLearning
 
 GOAL = -1  # a step led to the goal: the episode ends, with reward 1
 LOST = -2  # a step ended the episode elsewhere, with reward 0
@@ -40,7 +40,7 @@ class Stepping(NamedTuple):
     """The worlds of a batch as the loop reads them, and where those in the lanes are."""
 
     own: Any  # what the family's functions read
-    dice: Any  # u8 (B, 4) randomness of a task beyond the steps' own
+    rng: Any  # u8 (B, 4) randomness of a task beyond the steps' own
     anywhere: bool  # where episodes start; else at the target start
     state: Any  # i8 (L,)
     worth: Any  # f8 (L, S + 2) of entering a state: gamma max_a Q; the last two are the goal's, 1, and that of being lost, 0
@@ -54,24 +54,24 @@ class SteppedWorlds:
     world: Any  # a NamedTuple whose class has registered `starts` and `steps`
     states: int
     actions: int
-    dice: Words  # (B, 4)
+    rng: Words  # (B, 4)
 
     lanes: ClassVar[int] = 8
 
     def __len__(self) -> int:
-        return len(self.dice)
+        return len(self.rng)
 
     def queue(self) -> Integers:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Any, Stepping]:
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, Stepping]:
         """The compiled loop and the world it takes."""
         worth = np.zeros((lanes, self.states + 2))
         worth[:, self.states] = 1.0
         world = Stepping(
             own=self.world,
-            dice=self.dice.copy(),
+            rng=self.rng.copy(),
             anywhere=learning.start == "anywhere",
             state=np.zeros(lanes, np.int64),
             worth=worth,
@@ -83,7 +83,7 @@ class SteppedWorlds:
 def starts(world: type) -> Callable[[Function], Any]:
     """Registers where episodes start in worlds of that class, and compiles it.
 
-    The function takes (world, task, lane, dice, anywhere) and returns the table's state, from 0 to S - 1.
+    The function takes (world, task, lane, rng, anywhere) and returns the table's state, from 0 to S - 1.
     """
     return lambda function: _STARTS.setdefault(world, inlined(function))
 
@@ -91,8 +91,8 @@ def starts(world: type) -> Callable[[Function], Any]:
 def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
     """Registers what a step does in worlds of that class, and compiles it.
 
-    The function takes (world, task, lane, state, action, uniform, dice) and returns the table's state that the step leads to,
-    GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `dice`. What the table does not see is kept in
+    The function takes (world, task, lane, state, action, uniform, rng) and returns the table's state that the step leads to,
+    GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `rng`. What the table does not see is kept in
     arrays of the world, at `lane`. With `cuts` it may also return CUT - state: the episode ends in that state as it does
     at the horizon, without the goal, and the state's value still counts.
     """
@@ -106,14 +106,14 @@ def _loop(world: type) -> Any:
     return kept_with(world.__module__, advance)
 
 
-def start_of(world, task, lane, dice, anywhere):
+def start_of(world, task, lane, rng, anywhere):
     """Where an episode starts; compiled code calls what the world's class has registered."""
-    return _STARTS[type(world)].py_func(world, task, lane, dice, anywhere)
+    return _STARTS[type(world)].py_func(world, task, lane, rng, anywhere)
 
 
-def step_of(world, task, lane, state, action, uniform, dice):
+def step_of(world, task, lane, state, action, uniform, rng):
     """Where a step leads to; compiled code calls what the world's class has registered."""
-    return _STEPS[type(world)].py_func(world, task, lane, state, action, uniform, dice)
+    return _STEPS[type(world)].py_func(world, task, lane, state, action, uniform, rng)
 
 
 def entered(world, after):
@@ -122,16 +122,16 @@ def entered(world, after):
 
 
 @overload(start_of, jit_options=LEAN)
-def _start_of(world, task, lane, dice, anywhere):
+def _start_of(world, task, lane, rng, anywhere):
     registered = _STARTS[_class_of(world)]
-    return lambda world, task, lane, dice, anywhere: registered(world, task, lane, dice, anywhere)
+    return lambda world, task, lane, rng, anywhere: registered(world, task, lane, rng, anywhere)
 
 
 @overload(step_of, jit_options=LEAN)
-def _step_of(world, task, lane, state, action, uniform, dice):
+def _step_of(world, task, lane, state, action, uniform, rng):
     registered = _STEPS[_class_of(world)]
-    return lambda world, task, lane, state, action, uniform, dice: registered(
-        world, task, lane, state, action, uniform, dice
+    return lambda world, task, lane, state, action, uniform, rng: registered(
+        world, task, lane, state, action, uniform, rng
     )
 
 
@@ -162,7 +162,7 @@ def advance(blocks, world, setting, tasks, lanes, potential, visits, td_var, eva
             return
         for place in range(count):
             lane = lanes.order[place]
-            draw_block(tasks.dice[lanes.task[lane]], world.draws[lane])
+            draw_block(tasks.rng[lanes.task[lane]], world.draws[lane])
         for step in range(BLOCK):
             for place in range(count):  # while one task waits for its last step, the others go on
                 lane = lanes.order[place]
@@ -212,7 +212,7 @@ def _step(step, task, lane, world, setting, tasks, potential, visits, td_var, ch
         if follows and not (explores and choosing.explore_while_following):
             action = np.int64(choosing.policies[choosing.chosen[lane], state])
     uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
-    code = step_of(world.own, task, lane, state, action, uniform, world.dice[task])
+    code = step_of(world.own, task, lane, state, action, uniform, world.rng[task])
     after = entered(world.own, code)
     gamma, place = setting.gamma, after if after >= 0 else tasks.q.shape[1] - 1 - after
     if posterior is not None and posterior.live[lane] and after >= 0:
@@ -317,13 +317,13 @@ def _end(task, lane, reached, world, setting, tasks, lanes, evaluation, choosing
 @unkept
 def _evaluate(task, lane, ended, world, setting, tasks, evaluation):
     """Plays a greedy episode from the target start with what the task has learned in `ended` episodes."""
-    dice, length = evaluation.dice[task], 0
-    state = start_of(world.own, task, lane, dice, False)
+    rng, length = evaluation.rng[task], 0
+    state = start_of(world.own, task, lane, rng, False)
     while state >= 0 and length < setting.horizon:
-        drawn = draw(dice)
+        drawn = draw(rng)
         action = _chosen(tasks.q[task, state], drawn, False)
         uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
-        state = step_of(world.own, task, lane, state, action, uniform, dice)
+        state = step_of(world.own, task, lane, state, action, uniform, rng)
         length += 1
     evaluation.steps[task, ended // evaluation.every] = length
     evaluation.reached[task, ended // evaluation.every] = state == GOAL

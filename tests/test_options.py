@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 
-from qinit_cli.fields import check, flag, option, options
+from qinit_cli.options import check, flag, option, options
 
 
 @dataclass(frozen=True)
