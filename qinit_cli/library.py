@@ -19,12 +19,16 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
 from qinit_cli.artefacts.choice import Choice
+from qinit_cli.artefacts.fit import FIT
 from qinit_cli.artefacts.opening import open_artefact
+from qinit_cli.artefacts.run import RUN
+from qinit_cli.artefacts.sources import SOURCES
+from qinit_cli.artefacts.tuning import TUNING
 from qinit_cli.comparison import rows as comparing
 from qinit_cli.comparison import runs as compared
 from qinit_cli.comparison.scores import Metric
@@ -99,6 +103,7 @@ methods = Kinds(METHODS)
 class Saved:
     """An artefact: a file, or held in memory. `artefact[name]` is one of its arrays."""
 
+    kind: ClassVar[str]  # whose artefacts are opened as this class
     source: Path | Held
 
     def __repr__(self) -> str:
@@ -171,9 +176,13 @@ class Saved:
 class Sources(Saved):
     """Learned source tasks: `q` (N, *states, A), `eopl`, `visits` and their parameters."""
 
+    kind = SOURCES.name
+
 
 class Fit(Saved):
     """A fit of sources: `mu`, `sigma`, `mean` and the like, (*states, A)."""
+
+    kind = FIT.name
 
     def start(self, method: str | Method, **options: Any) -> Floats:
         """The start table of a method as a target would get it, (*states, A): filled where unknown, clipped to [0, 1].
@@ -191,6 +200,8 @@ class Fit(Saved):
 class Run(Saved):
     """Target tasks learned from what a method starts them with: `steps` and `reached` (T, E)."""
 
+    kind = RUN.name
+
     def returns(self) -> Floats:
         """The discounted return of every episode, (T, E)."""
         from qinit_cli.analysis.returns import discounted_returns
@@ -202,6 +213,8 @@ class Run(Saved):
 
 class Tuning(Saved):
     """How candidates of a method's parameters fare on the sources: `average` (N, C)."""
+
+    kind = TUNING.name
 
     @property
     def choice(self) -> dict[str, float]:
@@ -227,17 +240,17 @@ class Comparison:
         return pd.DataFrame(self.rows)
 
 
-SAVED: dict[str, type[Saved]] = {"sources": Sources, "fit": Fit, "run": Run, "tuning": Tuning}
+SAVED = {each.kind: each for each in (Sources, Fit, Run, Tuning)}
 
 
 def open(reference: str | os.PathLike[str], *, store: Where = "qinit-store") -> Saved:
-    """The artefact at a path, or of that name in the store, verified: Sources, Fit, Run or Tuning.
+    """The artefact at a path, or of that name in the store, verified: Sources, Fit, Run or Tuning; Saved for another kind.
 
     NotFound where there is none; Damaged where it is not as it was written.
     """
     source = _source(os.fspath(reference), store)
     with open_artefact(source) as artefact:
-        return SAVED[artefact.kind](source)
+        return SAVED.get(artefact.kind, Saved)(source)
 
 
 def train_sources(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.artefacts.kind import Kind, Shown
+from qinit_cli.artefacts.kind import Kind, Reported, Shown
 from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -27,6 +27,9 @@ class FitKind(Kind):
         "library": "library_q",
     }
     table = "mu"
+    by_task = False
+    indices = ("library", "held_out")
+    described = ("library",)
 
     def check_settings(self, spec: Settings) -> None:
         from dataclasses import fields
@@ -70,6 +73,10 @@ class FitKind(Kind):
         from qinit_cli.artefacts.fit_values import check_values
 
         check_values(artefact)
+
+    def reported(self, spec: Settings) -> Iterator[Reported]:
+        yield Reported("Source tasks", spec["sources"], 1)
+        yield Reported("Fits", {name: value for name, value in spec.items() if name != "sources"})
 
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np

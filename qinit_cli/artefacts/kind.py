@@ -6,7 +6,7 @@ A kind is known before anything is computed, so it imports numpy, and what needs
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -44,6 +44,17 @@ class Shown:
     label: str = ""  # of its axis
 
 
+@dataclass(frozen=True)
+class Reported:
+    """Settings under one heading of a report, which shows those of the least distance."""
+
+    heading: str
+    settings: Settings
+    distance: int = (
+        0  # from the artefact that they are the settings of: 1 in what was made of it, 2 beyond that
+    )
+
+
 class Kind(ABC):
     """One kind of artefact."""
 
@@ -58,6 +69,14 @@ class Kind(ABC):
     table: ClassVar[str] = ""  # the column whose axes are states and actions; "" where it has none
     has_parameters: ClassVar[bool] = False  # whether what each task was drawn as stands there
     free: ClassVar[tuple[str, ...]] = ()  # columns that may have a task axis before the axes they must have
+    by_task: ClassVar[bool] = True  # whether it has a task axis
+    indices: ClassVar[tuple[str, ...]] = ()  # axes that count from 0
+    results: ClassVar[
+        tuple[str, ...]
+    ] = ()  # columns of one number a task; what else is such is what the task was drawn as
+    described: ClassVar[tuple[str, ...]] = (
+        "task",
+    )  # axes whose entries are told apart by columns over them alone
 
     def check(self, spec: Settings) -> None:
         """ValueError, in one clause, for the first setting that cannot be."""
@@ -137,7 +156,7 @@ class Kind(ABC):
 
         from qinit_cli.environments import FAMILIES
 
-        drawn = artefact.spec.get("sources", artefact.spec)
+        drawn = self.drawn(artefact.spec)
         if not FAMILIES.is_own(drawn["family"]["name"]):
             return {}
         states, _ = self.axes(artefact)
@@ -148,6 +167,10 @@ class Kind(ABC):
     @abstractmethod
     def shown(self, artefact: Artefact) -> Shown:
         """Numbers and picture, every task verified; memory is that of a block of tasks."""
+
+    def reported(self, spec: Settings) -> Iterator[Reported]:
+        """Its settings as a report shows them."""
+        yield Reported(self.several.capitalize(), spec)
 
     def labels(self, spec: Settings) -> dict[str, str]:
         """What tells the rows of several artefacts apart, beside their names."""

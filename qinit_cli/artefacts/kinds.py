@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Literal
+
 from qinit_cli.artefacts.fit import FIT
 from qinit_cli.artefacts.kind import Kind, Settings
 from qinit_cli.artefacts.run import RUN
@@ -10,6 +12,11 @@ from qinit_cli.artefacts.tuning import TUNING
 from qinit_store.kinds import register
 
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (SOURCES, FIT, RUN, TUNING)}
+
+if TYPE_CHECKING:
+    KindName = str
+else:
+    KindName = Literal[tuple(KINDS)]  # the choices of an option
 
 for kind in KINDS.values():
     register(kind.name, kind.folder, kind.maker, kind.lack)

@@ -17,18 +17,6 @@ if TYPE_CHECKING:
 
 ROWS = 16_384  # of a long table in one piece
 
-OUR_TASK_COLUMNS = {
-    "solved",
-    "steps",
-    "seconds",
-    "v_star",
-    "v_eps",
-    "added",
-    "log_std",
-    "moves",
-    "frozen",
-}  # the others are what the task was drawn as
-
 
 def tables(artefact: Artefact) -> list[str]:
     """The names of the long tables that the artefact has."""
@@ -101,11 +89,10 @@ def layout(schema: Schema, table: str) -> tuple[tuple[str, ...], list[Column]]:
 
 def drawn(schema: Schema, dim: str) -> list[Column]:
     """What belongs to each entry of an axis: the parameters of a task or candidate, the source of a library table."""
-    if dim not in ("task", "library", "candidate"):
+    kind = KINDS[schema.kind]
+    if dim not in kind.described:
         return []
-    return [
-        column for column in schema.columns if column.dims == (dim,) and column.name not in OUR_TASK_COLUMNS
-    ]
+    return [column for column in schema.columns if column.dims == (dim,) and column.name not in kind.results]
 
 
 def _labels(artefact: Artefact) -> dict[str, str]:

@@ -21,7 +21,6 @@ from qinit_store.held import Held
 from qinit_store.reading import Artefact, Description
 from qinit_store.schema import Axis, Column
 
-INDICES = ("bin", "library", "episode", "evaluation", "hypothesis", "candidate", "held_out", "byte")
 SETTINGS = {  # one of them makes an artefact ours
     "kind",
     "algorithm_version",
@@ -128,7 +127,11 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
     for name, length in kind.lengths(artefact).items():
         if (there := artefact.schema.sizes.get(name, 0)) != length:
             raise ValueError(f"its axis {name} has {there} entries; its settings make {length}")
-    axes = [_index(name, artefact.schema.sizes[name]) for name in INDICES if name in artefact.schema.sizes]
+    axes = [
+        _index(name, artefact.schema.sizes[name])
+        for name in (*kind.indices, "byte")
+        if name in artefact.schema.sizes
+    ]
     if family is not None and kind.table and not getattr(family, "packages", ()):
         axes += [*family.axes(), action_axis(family)]
     _check_scales(artefact)

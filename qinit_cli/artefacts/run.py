@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Shown
+from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Settings
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
+FITTED = ("estimator", "library", "holdout", "exclude_unlearned")  # what it keeps of its fit's settings
 SMOOTH = 20  # episodes averaged into each point of a curve, as plot does unless told otherwise
 
 
@@ -33,6 +34,8 @@ class RunKind(Kind):
     table = "start"
     has_parameters = True
     free = ("start", "potential")
+    indices = ("episode", "evaluation", "hypothesis")
+    results = ("seconds", "v_star", "v_eps", "added", "log_std", "moves", "frozen")
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
@@ -58,12 +61,11 @@ class RunKind(Kind):
         settings.counted(told)
         settings.at_least(told, evaluate_every=0)
         settings.method(told["method"])
-        fitted = {"estimator": object, "library": object, "holdout": object, "exclude_unlearned": object}
         drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
-        source_set = settings.of(told["source_set"], "the source set", drawn, fitted)
+        source_set = settings.of(told["source_set"], "the source set", drawn, dict.fromkeys(FITTED, object))
         settings.drawn(source_set)
         settings.fitted(
-            {name: source_set[name] for name in fitted if name in source_set}, source_set["tasks"]
+            {name: source_set[name] for name in FITTED if name in source_set}, source_set["tasks"]
         )
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
@@ -178,6 +180,15 @@ class RunKind(Kind):
         title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
         return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
 
+    def reported(self, spec: Settings) -> Iterator[Reported]:
+        known = spec["source_set"]
+        drawn = {name: value for name, value in known.items() if name not in ("sources", *FITTED)}
+        yield Reported("Source tasks", drawn, 2)
+        yield Reported("Fits", {name: known[name] for name in FITTED if name in known}, 1)
+        apart = ("method", "source_set")
+        yield Reported("Target tasks", {name: value for name, value in spec.items() if name not in apart})
+        yield Reported("Methods", method_reported(spec["method"]))
+
     def labels(self, spec: Settings) -> dict[str, str]:
         return {"method": spec["method"]["name"]}
 
@@ -216,6 +227,14 @@ class RunKind(Kind):
 
 
 RUN = RunKind()
+
+
+def method_reported(method: Settings) -> dict[str, Any]:
+    """The method as tables call it, then its options."""
+    return {
+        "method": method["label"],
+        **{name: value for name, value in method.items() if name not in ("name", "label")},
+    }
 
 
 def run_schema(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Shown
+from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,6 +29,8 @@ class SourcesKind(Kind):
     tables: ClassVar[Mapping[str, str]] = {"tables": "q", "tasks": "solved", "curves": "curve_steps"}
     table = "q"
     has_parameters = True
+    indices = ("bin",)
+    results = ("solved", "steps", "seconds")
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
@@ -129,6 +131,9 @@ class SourcesKind(Kind):
             }
         title = "ln of the greedy value at the target start, over tasks"
         return Shown(numbers, ln(values[values > 0]), "histogram", title, "ln Q")
+
+    def reported(self, spec: Settings) -> Iterator[Reported]:
+        yield Reported("Source tasks", spec)
 
     def derived_fields(self, table: str) -> list[Field]:
         return [DIGEST_FIELD] if table == "tasks" else []

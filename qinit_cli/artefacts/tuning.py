@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
-from qinit_cli.artefacts.kind import Kind, Shown
+from qinit_cli.artefacts.kind import Kind, Reported, Shown
+from qinit_cli.artefacts.run import method_reported
 from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ class TuningKind(Kind):
     maker = "tune"
     one, several, counted = "tuning", "tunings", "sources"
     tables: ClassVar[Mapping[str, str]] = {"averages": "average"}
+    indices = (CANDIDATE,)
+    results = ("steps", "seconds")
+    described = ("task", CANDIDATE)
 
     def check_settings(self, spec: Settings) -> None:
         from qinit_cli.artefacts import settings
@@ -72,6 +76,11 @@ class TuningKind(Kind):
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         return tuning_schema(tuple(artefact.spec["grid"]), artefact.schema.sizes.get(CANDIDATE, 0)).columns
+
+    def reported(self, spec: Settings) -> Iterator[Reported]:
+        yield Reported("Source tasks", spec["sources"], 1)
+        own = {name: value for name, value in spec.items() if name not in ("method", "sources")}
+        yield Reported("Tunings", method_reported(spec["method"]) | own)
 
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np

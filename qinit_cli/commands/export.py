@@ -12,6 +12,7 @@ from typing import IO, TYPE_CHECKING, Literal, cast, get_args
 
 import typer
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, READING, Display, Group, Reading
 from qinit_cli.commands.typer_commands import Reference, add_command
@@ -41,8 +42,8 @@ class Exporting:
     )
     what: str | None = option(
         None,
-        "The table. Sources: tables, tasks, curves. A fit: state-actions, states, library. "
-        "A run: episodes, targets, start, potential, evaluations, final. A tuning: averages.",
+        "The table. "
+        + " ".join(f"{kind.several.capitalize()}: {', '.join(kind.tables)}." for kind in KINDS.values()),
         metavar="TABLE",
         default_text="the first of these; for npz and json everything",
     )
@@ -207,8 +208,6 @@ def _table(paths: list[Path], format: Format, what: str | None) -> tuple[str | N
 
 
 def _check_known(what: str | None) -> None:
-    from qinit_cli.artefacts.kinds import KINDS
-
     names = [name for kind in KINDS.values() for name in kind.tables]
     if what is not None and what not in names:
         raise UsageError(f"--what {what}: {nearest(what, names)}")

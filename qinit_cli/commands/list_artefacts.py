@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from qinit_cli.artefacts.kinds import KINDS, KindName
 from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
 from qinit_cli.commands.typer_commands import add_command
@@ -25,9 +26,7 @@ UNFINISHED = "unfinished"
 class Listing:
     """Which artefacts are listed."""
 
-    kind: Literal["sources", "fit", "run", "tuning"] | None = option(
-        None, "Artefacts of this kind alone.", default_text="all"
-    )
+    kind: KindName | None = option(None, "Artefacts of this kind alone.", default_text="all")
     name: str = option(
         "",
         "Names that contain this text, or match it where it has *, ? or [.",
@@ -144,7 +143,7 @@ def _row(entry: Description) -> dict[str, Any]:
         "kind": entry.kind,
         "name": entry.path.stem,
         "family": settings.get("family", {}).get("name", ""),
-        "tasks": wanted if entry.kind == "fit" else entry.tasks,
+        "tasks": wanted if entry.kind in KINDS and not KINDS[entry.kind].by_task else entry.tasks,
         "made": entry.provenance.get("time", "")[:16].replace("T", " "),
         "megabytes": entry.size / 1e6 if entry.size else None,
         "state": entry.state,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, Display, Group, Reading
 from qinit_cli.commands.typer_commands import Reference, add_command
@@ -61,7 +62,8 @@ def add_to(app: typer.Typer) -> None:
         references=(
             Reference(
                 "artefacts",
-                "The folder of a reproduction; or sources, fits, runs and tunings: paths, names in the store, or - for stdin.",
+                f"The folder of a reproduction; or artefacts ({', '.join(kind.several for kind in KINDS.values())}): paths, "
+                "names in the store, or - for stdin.",
                 several=True,
             ),
         ),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.commands.console import console, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
 from qinit_cli.commands.typer_commands import Reference, add_command
@@ -38,7 +39,6 @@ def add_to(app: typer.Typer) -> None:
 
 def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
-    from qinit_cli.artefacts.kinds import KINDS
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.artefacts.specs import outdated
     from qinit_cli.commands import references
@@ -114,9 +114,9 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _states(artefact: Artefact) -> list[Axis]:
-    """The state axes of a fit, in the order of its tables."""
-    dims = next((column.dims for column in artefact.schema.columns if column.name == "mu"), ())
-    return [artefact.axes[name] for name in dims if name != "action"]
+    """The state axes of its table; none where it has no table."""
+    kind = KINDS[artefact.kind]
+    return list(kind.axes(artefact)[0]) if kind.table else []
 
 
 def _label(value: Any) -> Any:

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qinit_cli.artefacts.fit import FIT
+from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.artefacts.run import RUN
+from qinit_cli.artefacts.sources import SOURCES
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped
@@ -69,16 +73,12 @@ class _Read:
 
     def add(self, artefact: Artefact) -> None:
         """Keeps what claims ask of an artefact."""
-        spec = artefact.spec
-        match artefact.kind:
-            case "sources" if paper_settings.known(spec) and spec.get("role", "source") == "source":
-                self._add_sources(artefact)
-            case "fit" if paper_settings.known(spec["sources"]):
-                self._add_fit(artefact)
-            case "run" if paper_settings.known(spec):
-                self._add_run(artefact)
-            case _:
-                self.passed_over.append(artefact.path.stem)
+        read = {SOURCES.name: self._add_sources, FIT.name: self._add_fit, RUN.name: self._add_run}
+        of_claims = paper_settings.known(KINDS[artefact.kind].drawn(artefact.spec))
+        if artefact.kind in read and of_claims and artefact.spec.get("role", "source") == "source":
+            read[artefact.kind](artefact)
+        else:
+            self.passed_over.append(artefact.path.stem)
 
     def _add_sources(self, artefact: Artefact) -> None:
         family = family_of(artefact.spec)

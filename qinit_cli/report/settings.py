@@ -3,61 +3,46 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.report.content import Block, Cell, PageColumn, Pairs, Subheading, Table
 from qinit_cli.report.numbers import setting
 
-Spec = dict[str, Any]
+Spec = Mapping[str, Any]
 Settings = dict[str, str]  # by a name that says where they belong
 
-HEADINGS = {
-    "source tasks": "Source tasks",
-    "fits": "Fits",
-    "target tasks": "Target tasks",
-    "methods": "Methods",
-    "tunings": "Tunings",
-}
-FITTED = ("estimator", "library", "holdout", "exclude_unlearned")  # what a run tells of its fit
 FIRST = ("method", "family", "learner")
-UNTOLD = ("kind", "role", "algorithm_version", "inputs", "sources", "source_set", "method", "label")
+UNTOLD = ("kind", "role", "algorithm_version", "inputs")
 
 
 def blocks(specs: Sequence[Spec]) -> list[Block]:
-    """A part for source tasks, fits, target tasks and methods each, where there are such."""
+    """A part for each heading under which the kinds show their settings."""
     found: list[Block] = []
-    for part, settings in _parts(specs).items():
-        if settings:
-            found += [Subheading(HEADINGS[part]), *_told(part, settings)]
+    for heading, settings in _parts(specs).items():
+        found += [Subheading(heading), *_told(heading, settings)]
     return found
 
 
 def _parts(specs: Sequence[Spec]) -> dict[str, list[Settings]]:
-    """The settings by what they are of. Sources that are not here themselves are told by what was made of them."""
-    fits = [spec for spec in specs if spec["kind"] == "fit"]
-    runs = [spec for spec in specs if spec["kind"] == "run"]
-    sets = [run["source_set"] for run in runs]
-    sources = [spec for spec in specs if spec["kind"] == "sources"] or [
-        spec["sources"] for spec in specs if "sources" in spec
+    """The settings by heading. Artefacts that are not here themselves are told by what was made of them."""
+    parts = [
+        part
+        for kind in KINDS.values()
+        for spec in specs
+        if spec["kind"] == kind.name
+        for part in kind.reported(spec)
     ]
-    of_fits = [{name: one[name] for name in FITTED if name in one} for one in sets]
-    return {
-        "source tasks": [_flat(spec) for spec in sources] or [_flat(one, (*UNTOLD, *FITTED)) for one in sets],
-        "fits": [_flat(spec) for spec in fits or of_fits],
-        "target tasks": [_flat(spec) for spec in runs],
-        "methods": [_method(run["method"]) for run in runs],
-        "tunings": [_method(spec["method"]) | _flat(spec) for spec in specs if spec["kind"] == "tuning"],
-    }
+    found: dict[str, list[Settings]] = {part.heading: [] for part in parts}
+    for heading, settings in found.items():
+        own = [part for part in parts if part.heading == heading]
+        least = min(part.distance for part in own)
+        settings += [_flat(part.settings) for part in own if part.distance == least]
+    return found
 
 
-def _method(method: Spec) -> Settings:
-    """The method as tables call it, then its options."""
-    options = {name: value for name, value in method.items() if name != "name"}
-    return {"method": str(method["label"])} | _flat(options)
-
-
-def _told(part: str, settings: list[Settings]) -> Iterator[Block]:
+def _told(heading: str, settings: list[Settings]) -> Iterator[Block]:
     """What all share, then a row for each choice of what differs; where that is one setting alone, its values in the list."""
     settings = _short(settings)
     names = list(dict.fromkeys(name for one in settings for name in one))
@@ -80,7 +65,7 @@ def _told(part: str, settings: list[Settings]) -> Iterator[Block]:
         [*(Cell(value) for value in values), *([Cell(_ranges(own))] if seeds else [])]
         for values, own in rows.items()
     ]
-    yield Table(f"{HEADINGS[part]}: what differs", columns, body)
+    yield Table(f"{heading}: what differs", columns, body)
 
 
 def _short(settings: list[Settings]) -> list[Settings]:
@@ -96,15 +81,15 @@ def _short(settings: list[Settings]) -> list[Settings]:
     ]
 
 
-def _flat(settings: Spec, untold: Sequence[str] = UNTOLD, above: str = "") -> Settings:
+def _flat(settings: Spec, above: str = "") -> Settings:
     """Nested settings by one name each, "family size"; what has a name and options stands under its own name."""
     found: Settings = {}
     for key, value in settings.items():
-        if key in untold:
+        if key in UNTOLD:
             continue
         name = f"{above} {key}".strip().replace("_", "-")
         if isinstance(value, dict):
-            found |= _flat(value, untold, name)
+            found |= _flat(value, name)
         else:
             found[name.removesuffix(" name") if above else name] = (
                 ", ".join(map(setting, value)) if isinstance(value, list) else setting(value)
