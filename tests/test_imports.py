@@ -175,29 +175,28 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
         visit(module, ())
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        module
-        for module in MODULES
-        if _under(
-            module, ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.methods", "qinit_cli.environments")
-        )
-    ],
-)
-def test_what_help_needs_imports_nothing_heavy_when_loaded(module: str) -> None:
-    assert not {name for name in _when_loaded(module) if name.partition(".")[0] in HEAVY}
-
-
 def _loaded_for_help() -> set[str]:
-    """What the package, the commands, methods and families load, and what that loads."""
+    """What the package, the commands, methods, families and the registry of plots load, and what that loads."""
     packages = ("qinit_cli.app", "qinit_cli.commands", "qinit_cli.methods", "qinit_cli.environments")
     found: set[str] = set()
-    following = {module for module in MODULES if module == "qinit_cli" or _under(module, packages)}
+    following = {
+        module for module in MODULES if module in ("qinit_cli", "qinit_cli.plots") or _under(module, packages)
+    }
     while following:
         found |= following
         following = {name for module in following for name in _when_loaded(module) & MODULES.keys()} - found
     return found
+
+
+@pytest.mark.parametrize("module", sorted(_loaded_for_help()))
+def test_what_help_needs_imports_nothing_heavy_when_loaded(module: str) -> None:
+    assert not {name for name in _when_loaded(module) if name.partition(".")[0] in HEAVY}
+
+
+def test_help_loads_every_plot_and_no_drawing() -> None:
+    loaded = _loaded_for_help()
+    assert {"qinit_cli.plots.curves", "qinit_cli.plots.heatmaps"} <= loaded
+    assert not {"qinit_cli.plots.panels", "qinit_cli.plots.distributions"} & loaded
 
 
 def test_numpy_is_imported_late_only_where_help_would_wait_for_it() -> None:

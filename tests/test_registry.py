@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import pytest
 import typer
+from running import run_here
 
 from qinit_cli.commands.option_groups import Group
 from qinit_cli.commands.typer_commands import add_command, add_each
@@ -54,6 +55,22 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
         (about / "entry_points.txt").write_text(f"[{group}]\n{name} = {package}_code:{what}\n")
 
     return call
+
+
+@pytest.mark.parametrize("words", ["plot curves", "train-sources gridworld", "start zero", "tune ucoi"])
+def test_for_a_subcommand_of_ours_no_plug_in_is_looked_for(
+    words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Registry, "_plugins", lambda self: pytest.fail(f"looked for {self.group}"))
+    ended = run_here([*words.split(), "-h"])
+    assert (ended.code, ended.err) == (0, "")
+    assert f"qinit {words}" in ended.out
+
+
+def test_a_subcommand_that_is_not_there_is_told_with_those_that_are() -> None:
+    ended = run_here(["plot", "curve", "-h"])
+    assert ended.code == 2
+    assert "curves" in ended.err
 
 
 def shoes(fault: str = "") -> Registry[Any]:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from qinit_cli.tasks import TargetTasks
 
 
-def add_to(methods: typer.Typer) -> None:
-    """Adds one subcommand per method."""
-    add_each(methods, METHODS, partial(_add, learning_group()))
+def add_to(methods: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per method, or that of the `only` name asked for."""
+    add_each(methods, METHODS, partial(_add, learning_group()), only)
 
 
 def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) -> None:

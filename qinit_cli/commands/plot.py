@@ -50,9 +50,9 @@ class Picture:
         return file
 
 
-def add_to(plots: typer.Typer) -> None:
-    """Adds a subcommand for each plot."""
-    add_each(plots, PLOTS, _add)
+def add_to(plots: typer.Typer, only: str | None = None) -> None:
+    """Adds a subcommand for each plot, or that of the `only` name asked for."""
+    add_each(plots, PLOTS, _add, only)
 
 
 def _add(plots: typer.Typer, name: str, kind: type[Plot]) -> None:

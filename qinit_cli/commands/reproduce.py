@@ -87,9 +87,9 @@ GROUPS = {
 }
 
 
-def add_to(targets: typer.Typer) -> None:
-    """Adds one subcommand per figure, per environment, and for all."""
-    for name in TARGETS:
+def add_to(targets: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per figure, per environment, and for all, or that of the `only` name asked for."""
+    for name in [name for name in TARGETS if only in (None, name)]:
         add_command(targets, name, partial(reproduce, name), GROUPS, help=SHOWS[name])
 
 

@@ -35,9 +35,9 @@ class StartFile:
     force: bool = option(False, "Replace a file of other content.", seldom=True)
 
 
-def add_to(methods: typer.Typer) -> None:
-    """Adds one subcommand per method."""
-    add_each(methods, METHODS, _add)
+def add_to(methods: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per method, or that of the `only` name asked for."""
+    add_each(methods, METHODS, _add, only)
 
 
 def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from qinit_cli.tasks import SourceTasks
 
 
-def add_to(families: typer.Typer) -> None:
-    """Adds one subcommand per family."""
-    add_each(families, FAMILIES, _add)
+def add_to(families: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per family, or that of the `only` name asked for."""
+    add_each(families, FAMILIES, _add, only)
 
 
 def _add(families: typer.Typer, name: str, family: type[Family]) -> None:

@@ -56,9 +56,9 @@ def learning_group() -> Group:
     return Group(LearningTargets, "Targets", _defaults())
 
 
-def add_to(methods: typer.Typer) -> None:
-    """Adds one subcommand per method."""
-    add_each(methods, METHODS, partial(_add, learning_group()))
+def add_to(methods: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per method, or that of the `only` name asked for."""
+    add_each(methods, METHODS, partial(_add, learning_group()), only)
 
 
 def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) -> None:

@@ -58,9 +58,9 @@ class Kept:
     dry_run: bool = option(False, "Report what it would take, from a short trial; make nothing.")
 
 
-def add_to(methods: typer.Typer) -> None:
-    """Adds one subcommand per method that has parameters to choose."""
-    add_each(methods, METHODS, _add)
+def add_to(methods: typer.Typer, only: str | None = None) -> None:
+    """Adds one subcommand per method that has parameters to choose, or that of the `only` name asked for."""
+    add_each(methods, METHODS, _add, only)
 
 
 def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:

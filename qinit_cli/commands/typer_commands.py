@@ -98,10 +98,18 @@ def add_command(
 
 
 def add_each(
-    app: typer.Typer, registry: Registry[Any], add: Callable[[typer.Typer, str, type[Any]], None]
+    app: typer.Typer,
+    registry: Registry[Any],
+    add: Callable[[typer.Typer, str, type[Any]], None],
+    only: str | None = None,
 ) -> None:
-    """Adds a command for each family or method, if `add` makes one; a plug-in whose options cannot is left out with a warning."""
-    for name, kind in list(registry.items()):
+    """Adds a command for each family, method or plot, or the `only` one that is asked for, if `add` makes one.
+
+    A plug-in whose options make none is left out with a warning; for one of ours alone no plug-in is looked for.
+    """
+    names = list(registry) if only is None else [only] if only in registry else []
+    for name in names:
+        kind = registry[name]
         if registry.is_own(name):
             add(app, name, kind)
             continue
@@ -129,24 +137,30 @@ def _artefact_names(context: typer.Context, arguments: list[str], incomplete: st
 
 
 class Later(Commands):
-    """A command whose subcommands are made when one of them is asked for: help of the others stays fast."""
+    """A command whose subcommands are made when they are asked for, one alone or all: help of the others stays fast."""
 
     module: ClassVar[str]  # whose `add_to` makes them
+    whole = False  # whether all are made
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The subcommands' names."""
-        return super().list_commands(self._filled(ctx))
+        if not self.whole:
+            self.commands = self._made(None)
+            self.whole = True
+        return super().list_commands(ctx)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The subcommand of that name, or None."""
-        return super().get_command(self._filled(ctx), cmd_name)
+        if cmd_name not in self.commands and not self.whole:
+            self.commands.update(self._made(cmd_name))
+        if cmd_name not in self.commands:
+            self.list_commands(ctx)  # whose names typer's error looks for the nearest among
+        return super().get_command(ctx, cmd_name)
 
-    def _filled(self, ctx: Any) -> Any:
-        if not self.commands:
-            made = typer.Typer()
-            import_module(self.module).add_to(made)
-            self.commands.update(typer.main.get_group(made).commands)
-        return ctx
+    def _made(self, only: str | None) -> Any:
+        made = typer.Typer()
+        import_module(self.module).add_to(made, only)
+        return typer.main.get_group(made).commands
 
 
 def add_later(app: typer.Typer, name: str, module: str, help: str, *, example: str) -> None:

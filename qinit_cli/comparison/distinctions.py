@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.environments import label_of
 
 Spec = Mapping[str, Any]
 # settings such as "gamma 0.9" by a key; those of the same key are compared
@@ -84,8 +83,7 @@ def above_words(name: str, words: str) -> str:
 def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
     family = spec.get("family", {})
     within = family.get("name", "")
-
-    label = label_of(spec) if family and labelled else f"{within} family"
+    label = _label(spec) if family and labelled else f"{within} family"
     for name, value in _flat({key: part for key, part in family.items() if key != "name"}):
         yield f"{label} {name}", _word(name, value)
     for name, value in spec.items():
@@ -102,6 +100,12 @@ def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
         yield f"{OF_METHOD} {method.get('label')} {name}", _word(name, value)
 
 
+def _label(spec: Spec) -> str:
+    from qinit_cli.environments import label_of  # here: the help of plots loads this module, and no family
+
+    return label_of(spec)
+
+
 def _said_already(key: str, words: Words) -> bool:
     """Whether the sources' setting is that of the targets too."""
     return key not in words or (
@@ -111,12 +115,11 @@ def _said_already(key: str, words: Words) -> bool:
 
 def _of_sources(fitted: Spec, targets: Any) -> Words:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
-
     found: Words = {}
     within = f"{OF_SOURCES} {fitted.get('family', {}).get('name', '')}"
     if "family" in fitted:
         found[f"{within} family"] = (
-            "unshifted" if fitted["family"] == targets else f"sources of {label_of(fitted)}"
+            "unshifted" if fitted["family"] == targets else f"sources of {_label(fitted)}"
         )
     for name, value in _flat(fitted.get("learning", {})):
         found[f"{within} learning {name}"] = f"{THEIRS}{_word(name, value)}"
