@@ -61,15 +61,16 @@ def for_people(columns: list[TableColumn]) -> list[TableColumn]:
 
 
 def caption(comparison: GroupComparison, metric: str) -> str:
-    """What the intervals are over, who is worse than learning from zero, why a ratio or p is missing, and what the marks mean."""
+    """What the intervals are over, whose transfer is negative, why a ratio or p is missing, and what the marks mean."""
     rows = comparison.rows
     lines = [comparison.intervals]
     worse = [printable(row.label) for row in rows if row.negative_transfer]
     if worse:
         side = "above" if metric == "steps" else "below"
+        names = " and ".join([separator(worse).join(worse[:-1]), worse[-1]] if worse[1:] else worse)
         lines.append(
-            f"negative transfer: {' and '.join([separator(worse).join(worse[:-1]), worse[-1]] if worse[1:] else worse)} "
-            f"{'are' if worse[1:] else 'is'} worse than learning from zero, the whole interval of the difference {side} 0"
+            f"negative transfer: {names} {'are' if worse[1:] else 'is'} worse than learning from "
+            f"{printable(comparison.baseline)}, the whole interval of the difference {side} 0"
         )
     if any(row.difference is not None and row.ratio is None for row in rows):
         lines.append(f"no transfer ratio where the interval of {comparison.baseline} touches 0")

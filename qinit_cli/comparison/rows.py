@@ -206,10 +206,16 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
         plus=entry.plus,
         remark=remark(entry.method),
         sets=len(entry.runs),
-        negative_transfer=_worse(found.difference, metric)
-        if base is not None and base.method == "zero"
-        else None,
+        negative_transfer=None
+        if base is None or _transfers(base.method)
+        else _worse(found.difference, metric),
     )
+
+
+def _transfers(method: str) -> bool:
+    """Whether the method takes anything over; so it is of one that is not installed."""
+    kind = METHODS.get(method)
+    return kind is None or kind.transfers
 
 
 def _worse(difference: Estimate | None, metric: Metric) -> bool | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import RunGroup
+from qinit_cli.methods import METHODS
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
@@ -78,7 +79,7 @@ def attainable(group: RunGroup) -> Callable[[ComparedRun], Floats] | None:
     """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
     The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the
-    run of `optimal` on the same targets earns in its last tenth; None without either.
+    run of a method that attains it, as `optimal` does, earns on the same targets in its last tenth; None without either.
     """
     from qinit_cli.analysis import returns
 
@@ -86,11 +87,16 @@ def attainable(group: RunGroup) -> Callable[[ComparedRun], Floats] | None:
     known = {name: values for name, values in exact.items() if values is not None}
     if len(known) == len(exact):
         return lambda run: known[run.name]
-    optimal = next((entry for entry in group.entries if entry.method == "optimal"), None)
-    if optimal is None or not all(optimal.beside(run) for entry in group.entries for run in entry.runs):
+    best = next((entry for entry in group.entries if _attains(entry.method)), None)
+    if best is None or not all(best.beside(run) for entry in group.entries for run in entry.runs):
         return None
-    last = {own.name: returns.asymptotic(curve(own, "return")) for own in optimal.runs}
-    return lambda run: last[(optimal.beside(run) or run).name]
+    last = {own.name: returns.asymptotic(curve(own, "return")) for own in best.runs}
+    return lambda run: last[(best.beside(run) or run).name]
+
+
+def _attains(method: str) -> bool:
+    kind = METHODS.get(method)
+    return kind is not None and kind.attains
 
 
 def _arrival(earned: Floats, possible: Floats) -> Arrival:

@@ -81,6 +81,12 @@ class Method:
     needs_tables: ClassVar[bool] = False  # reads Q* of the targets, which are then made before it is asked
     reconstructed: ClassVar[bool] = False  # its authors' formula is not public
     reference: ClassVar[bool] = False  # what others are measured by: in pictures of either kind of method
+    transfers: ClassVar[bool] = (
+        True  # whether it takes anything over: worse than what does not is negative transfer
+    )
+    attains: ClassVar[bool] = (
+        False  # its last episodes earn what a target allows: regret is counted from them
+    )
     look: ClassVar[Look] = Look()
     # steps of an episode by family, measured at the paper's sizes: of what starts from the sources' tables, unless replaced
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 220}

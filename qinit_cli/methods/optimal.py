@@ -22,6 +22,7 @@ class Optimal(Method):
     formula: ClassVar[str] = "Q* of the target"
     privileged: ClassVar[bool] = True
     reference: ClassVar[bool] = True
+    attains: ClassVar[bool] = True
     look: ClassVar[Look] = Look("#000000", "*", "----", ":")
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 65, "mountain-car": 170}
     needs_tables: ClassVar[bool] = True

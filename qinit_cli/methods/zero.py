@@ -16,6 +16,7 @@ class Zero(Method):
     name: ClassVar[str] = "zero"
     formula: ClassVar[str] = "0"
     reference: ClassVar[bool] = True
+    transfers: ClassVar[bool] = False
     look: ClassVar[Look] = Look("#000000")
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 165, "mountain-car": 995}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.methods import METHODS
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
@@ -94,5 +95,6 @@ def _question(runs: list[ComparedRun], baseline: str, *, tuned: bool) -> str:
         return "What do source tasks know of new ones: how long are their paths, and are their values log-normal?"
     named = listed(methods) if len(methods) <= NAMED else f"{len(methods)} methods"
     do, worse = ("does", "is it") if len(methods) == 1 else ("do", "is any of them")
-    against = "learning from zero" if baseline == "zero" else baseline
-    return f"How {do} {named} fare on new tasks, and {worse} worse than {against}?"
+    against = METHODS.get(baseline)
+    learning = "" if against is None or against.transfers else "learning from "
+    return f"How {do} {named} fare on new tasks, and {worse} worse than {learning}{baseline}?"

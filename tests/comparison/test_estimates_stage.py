@@ -14,6 +14,7 @@ from qinit_cli.comparison.rows import Row, compare
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, curve
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.methods import METHODS
 
 EPISODES = 100
 
@@ -187,6 +188,24 @@ def test_worse_than_another_baseline_is_no_negative_transfer() -> None:
     assert [row.negative_transfer for row in comparison.rows] == [None, None]
     [comparison] = compare([worse, ZERO], "", "return")
     assert [row.negative_transfer for row in comparison.rows] == [None, None]
+
+
+def test_worse_than_any_method_that_transfers_nothing_is_negative_transfer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(METHODS["mean"], "transfers", False)
+    worse = _run("maxqinit", _level(0.0625, 0.125, 0.125, 0.25))
+    [comparison] = compare([_run("mean", _level(0.125, 0.25, 0.25, 0.5)), worse], "mean", "return")
+    assert [row.negative_transfer for row in comparison.rows] == [None, True]
+
+
+def test_regret_is_counted_from_any_method_that_attains_what_is_possible(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(METHODS["maxqinit"], "attains", True)
+    regret = _row([ZERO, _run("maxqinit", _level(0.25, 0.5, 0.5, 1))], "zero").regret
+    assert regret is not None
+    assert regret.value == pytest.approx((0.125 + 0.25 + 0.25 + 0.5) / 4)
 
 
 def test_one_target_alone_tells_no_negative_transfer_and_no_ratio() -> None:
