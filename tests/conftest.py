@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from ready import Ready, started
 from running import QINIT, SMALL_SOURCES, Ended, Pipeline, run_here
 
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
@@ -31,6 +32,13 @@ def plain_surroundings(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest
         monkeypatch.delenv(name, raising=False)
 
 
+@pytest.fixture(scope="session")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ready]:
+    """A process that has imported everything; its `qinit` is a process of its own, without the wait for imports."""
+    with started(tmp_path_factory.mktemp("ready")) as made:
+        yield made
+
+
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Ended]:
     """Runs one command line in this process, in a folder of its own: `here("list", "--store", store)`."""
@@ -44,7 +52,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Ended
 
 @pytest.fixture
 def qinit(tmp_path: Path) -> Callable[..., Ended]:
-    """Runs the console script in a folder of its own: `qinit("fit", "-", stdin=...)`."""
+    """Runs the console script itself in a folder of its own: `qinit("fit", "-", stdin=...)`."""
 
     def call(*arguments: object, stdin: str = "", env: Mapping[str, str] | None = None) -> Ended:
         ended = subprocess.run(
@@ -62,18 +70,18 @@ def qinit(tmp_path: Path) -> Callable[..., Ended]:
 
 
 @pytest.fixture
-def shell(tmp_path: Path) -> Callable[..., Ended]:
+def shell(tmp_path: Path, ready: Ready) -> Callable[..., Ended]:
     """Runs a line of bash with pipefail and with qinit on its path."""
 
-    def call(line: str, env: Mapping[str, str] | None = None) -> Ended:
-        path = f"{QINIT.parent}{os.pathsep}{os.environ['PATH']}"
+    def call(line: str) -> Ended:
+        path = f"{ready.folder}{os.pathsep}{os.environ['PATH']}"
         ended = subprocess.run(
             ["bash", "-c", f"set -o pipefail; {line}"],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
             cwd=tmp_path,
-            env={**os.environ, "PATH": path, **(env or {})},
+            env={**os.environ, "PATH": path},
             timeout=120,
         )
         return Ended(ended.returncode, ended.stdout, ended.stderr)

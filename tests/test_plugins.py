@@ -9,12 +9,13 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ready import Ready, started
 
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.methods import METHODS
@@ -41,12 +42,18 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
-def run(words: list[str], folder: Path, *paths: Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
+def run(words: list[str], folder: Path, *paths: Path) -> subprocess.CompletedProcess[str]:
     found = os.pathsep.join([str(ROOT), *map(str, paths)])
+    return _ended([sys.executable, *words], folder, PYTHONPATH=found)
+
+
+def _ended(
+    words: Sequence[str | Path], folder: Path, stdin: str = "", **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, *words],
+        words,
         env={name: value for name, value in os.environ.items() if not name.startswith("QINIT_")}
-        | {"PYTHONPATH": found},
+        | environment,
         cwd=folder,
         input=stdin,
         capture_output=True,
@@ -71,12 +78,16 @@ class Made:
 
 
 @pytest.fixture(scope="module")
-def made(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    folder = tmp_path_factory.mktemp("plugged")
+def made(site: Path, ready: Ready, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Made]:
+    with started(tmp_path_factory.mktemp("ready"), PYTHONPATH=str(site)) as plugged:
+        yield _made(plugged.qinit, ready.qinit, tmp_path_factory.mktemp("plugged"))
+
+
+def _made(plugged: Path, plain: Path, folder: Path) -> Made:
     said = []
 
     def with_it(*words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
-        return run(["-m", "qinit_cli", *words], folder, site, stdin=stdin)
+        return _ended([plugged, *words], folder, stdin)
 
     def path(*words: str) -> str:
         ended = with_it(*words)
@@ -100,7 +111,7 @@ def made(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
         other,
         "".join(said),
         with_it,
-        lambda *words, stdin="": run(["-m", "qinit_cli", *words], folder, stdin=stdin),
+        lambda *words, stdin="": _ended([plain, *words], folder, stdin),
     )
 
 
@@ -235,10 +246,10 @@ from qinit_cli.pipeline.sources import sequences
 family, some = FAMILIES["corridor"](length=9), np.arange(3)
 tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, some)
 own = sequences(0, Stream.SOURCE_WORLD, some)
-probability = LaneStreams(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
+streams = LaneStreams(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
 learning = QLearning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
 by_step, by_table = (
-    learn(worlds, learning, Start(np.zeros((9, 2))), probability, Records(1), Watch())
+    learn(worlds, learning, Start(np.zeros((9, 2))), streams, Records(1), Watch())
     for worlds in (family.worlds(tasks, own), family.tables(tasks).worlds(seeds(own)))
 )
 print(np.array_equal(by_step.q, by_table.q), int(by_step.step_count.sum()))

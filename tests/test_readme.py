@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ready import Ready
 
 README = Path(__file__).parents[1] / "README.md"
-QINIT = Path(sys.executable).with_name("qinit")
 TINY = Path(__file__).parent / "commands" / "reproduce" / "tiny.py"
 PICTURE_BYTES = 5_000
 
 # what a command asks for itself comes later on its line, and wins
-STAND_IN = f"""#!/bin/sh
+STAND_IN = """#!/bin/sh
 case "$1 $2 $*" in
     "train-sources gym"*CartPole*) set -- "$@" --tasks 3 --episodes 100;;
     "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
     "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
-    reproduce*) exec {sys.executable} {TINY} "$@" --scale quick;;
+    reproduce*) exec {tiny} "$@" --scale quick;;
     transfer*-h) ;;
     transfer*) method=$2; shift 2; set -- transfer "$method" --tasks 4 --episodes 40 "$@";;
 esac
-exec {QINIT} "$@"
+exec {qinit} "$@"
 """
 
 
@@ -35,10 +34,13 @@ def _blocks(language: str, page: Path = README) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
-def _run(blocks: list[str], folder: Path, found_first: Path) -> subprocess.CompletedProcess[str]:
-    stand_in = found_first / "qinit"
-    stand_in.write_text(STAND_IN)
-    stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
+def _run(
+    blocks: list[str], folder: Path, found_first: Path, ready: Ready
+) -> subprocess.CompletedProcess[str]:
+    ready.stand_in(found_first / "tiny", str(TINY))
+    smaller = found_first / "qinit"
+    smaller.write_text(STAND_IN.format(qinit=ready.qinit, tiny=found_first / "tiny"))
+    smaller.chmod(0o755)
     return subprocess.run(
         ["bash", "-e", "-c", "set -o pipefail\n" + "\n".join(blocks)],
         cwd=folder,
@@ -49,10 +51,10 @@ def _run(blocks: list[str], folder: Path, found_first: Path) -> subprocess.Compl
     )
 
 
-def test_every_command_of_the_page_on_gymnasium_works(tmp_path: Path) -> None:
+def test_every_command_of_the_page_on_gymnasium_works(tmp_path: Path, ready: Ready) -> None:
     blocks = _blocks("sh", README.parent / "docs" / "gymnasium.md")
     (tmp_path / "bin").mkdir()
-    ended = _run(blocks, tmp_path, tmp_path / "bin")
+    ended = _run(blocks, tmp_path, tmp_path / "bin", ready)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.count("logqinit-median") == 2  # a comparison of each environment
     pictures = {path.name for path in tmp_path.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
@@ -65,10 +67,10 @@ def test_the_readme_shows_commands() -> None:
         assert f"qinit {stage}" in commands
 
 
-def test_the_readme_works_as_it_stands(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_readme_works_as_it_stands(tmp_path_factory: pytest.TempPathFactory, ready: Ready) -> None:
     # one test: two would be two workers' work, and each would run every command
     folder = tmp_path_factory.mktemp("readme")
-    ended = _run(_blocks("sh"), folder, tmp_path_factory.mktemp("bin"))
+    ended = _run(_blocks("sh"), folder, tmp_path_factory.mktemp("bin"), ready)
     assert ended.returncode == 0, ended.stderr
     assert "logqinit-median" in ended.stdout
     pictures = {path.name for path in folder.glob("*.png") if path.stat().st_size > PICTURE_BYTES}

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
-import sys
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ready import Ready
 
 from qinit_cli.artefacts.kinds import KINDS
 from qinit_store.reading import describe
@@ -116,14 +115,12 @@ def test_references_come_from_stdin_and_one_that_comes_twice_counts_once(
     assert (tmp_path / "again.html").read_bytes() == before
 
 
-def test_another_process_writes_the_same_bytes(here: Run, given: list[Path], tmp_path: Path) -> None:
+def test_another_process_writes_the_same_bytes(
+    here: Run, given: list[Path], tmp_path: Path, ready: Ready
+) -> None:
     here("report", *given)
     command = ["report", *map(str, given), "-o", "there.html"]
-    script = f"from qinit_cli.app import run\nassert run({command!r}) == 0"
-    environment = {**os.environ, "PYTHONHASHSEED": "7"}
-    subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, env=environment, check=True, capture_output=True
-    )
+    subprocess.run([ready.qinit, *command], cwd=tmp_path, check=True, capture_output=True)
     assert (tmp_path / "there.html").read_bytes() == (tmp_path / "report.html").read_bytes()
 
 

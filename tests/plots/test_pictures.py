@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import struct
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ready import Ready
 
 SMALLEST = 6.5  # points
 Draw = Callable[..., Any]
@@ -28,7 +27,7 @@ every_picture = pytest.mark.parametrize("picture", ["heatmaps", "histograms", "c
 
 @every_picture
 def test_another_process_draws_the_same_bytes(
-    here: Draw, tmp_path: Path, pipeline: Any, picture: str
+    here: Draw, tmp_path: Path, pipeline: Any, picture: str, ready: Ready
 ) -> None:
     commands = [
         ["plot", picture, *map(str, _given(picture, pipeline)), "-o", f"picture.{kind}"]
@@ -38,11 +37,8 @@ def test_another_process_draws_the_same_bytes(
         assert here(*command[:-1], tmp_path / command[-1]).code == 0
     there = tmp_path / "there"
     there.mkdir()
-    script = f"from qinit_cli.app import run\nfor command in {commands!r}: assert run(command) == 0"
-    environment = {**os.environ, "PYTHONHASHSEED": "7"}
-    subprocess.run(
-        [sys.executable, "-c", script], cwd=there, env=environment, check=True, stdout=subprocess.DEVNULL
-    )
+    for command in commands:
+        subprocess.run([ready.qinit, *command], cwd=there, check=True, stdout=subprocess.DEVNULL)
     for kind in ("png", "svg", "pdf"):
         assert (tmp_path / f"picture.{kind}").read_bytes() == (there / f"picture.{kind}").read_bytes()
 

@@ -1,0 +1,156 @@
+"""`qinit` from a process that has imported everything and forks itself for each command: most commands cost less than imports.
+
+A command is a process of its own all the same, with its own streams, folder, environment and exit code; only what is read while
+modules are imported (where compiled kernels are kept, ...) is that of the first process, and so is the order of its sets.
+`python ready.py SOCKET` is that process; the script that `Ready.stand_in` writes passes a command to it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import io
+import json
+import os
+import pkgutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+# -I -S: what it imports is a tenth of what a command line otherwise waits for
+STAND_IN = """#!{python} -IS
+import json, os, signal, socket, sys
+with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as there:
+    there.connect({address!r})
+    words = json.dumps([{command!r} + sys.argv[1:], os.getcwd(), dict(os.environ)])
+    socket.send_fds(there, [words.encode("utf-8", "surrogatepass")], [0, 1, 2])
+    for stream in (0, 1, 2):
+        os.close(stream)
+    code = int(there.recv(16) or 1)
+if code < 0:
+    signal.signal(-code, signal.SIG_DFL)
+    os.kill(os.getpid(), -code)
+os._exit(code)
+"""
+MODULES = ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", "scipy.stats", "jinja2")
+MOST_BYTES = 1 << 17  # of a command line with its environment
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A process that waits for commands."""
+
+    folder: Path  # that qinit is found in
+
+    @property
+    def qinit(self) -> Path:
+        """An executable in the place of qinit."""
+        return self.folder / "qinit"
+
+    def stand_in(self, path: Path, command: str = "qinit") -> None:
+        """Writes an executable; `command` is qinit, or a script of Python."""
+        address = str(self.folder / "socket")
+        path.write_text(STAND_IN.format(python=sys.executable, address=address, command=[command]))
+        path.chmod(0o755)
+
+
+@contextlib.contextmanager
+def started(folder: Path, **environment: str) -> Iterator[Ready]:
+    """The process, with a socket in the folder; it ends with the context."""
+    with subprocess.Popen(
+        [sys.executable, __file__, folder / "socket"],
+        env={**os.environ, "PYTHONHASHSEED": "7", **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        made = Ready(folder)
+        made.stand_in(made.qinit)
+        yield made
+        process.kill()
+
+
+def serve(address: str) -> None:
+    """Imports everything, then forks for each command that arrives, without end."""
+    import qinit_cli
+
+    for found in pkgutil.walk_packages(qinit_cli.__path__, "qinit_cli."):
+        if not found.name.endswith("__main__"):
+            importlib.import_module(found.name)
+    for name in MODULES:
+        importlib.import_module(name)
+    gc.freeze()
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # children leave nothing behind
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
+        listening.bind(address)
+        listening.listen(64)
+        print("ready", flush=True)
+        while True:
+            there, _ = listening.accept()
+            if os.fork() == 0:
+                listening.close()
+                _run(there)
+            there.close()
+
+
+def _run(there: socket.socket) -> None:
+    """The command in a process of its own, and its code to whoever asked."""
+    words, streams, _, _ = socket.recv_fds(there, MOST_BYTES, 3)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    if (child := os.fork()) == 0:
+        there.close()
+        code = 1
+        try:
+            code = _command(words, streams)
+        finally:
+            os._exit(code)
+    for stream in streams:
+        os.close(stream)
+    _, status = os.waitpid(child, 0)
+    with contextlib.suppress(OSError):  # whoever asked is gone
+        there.send(str(os.waitstatus_to_exitcode(status)).encode())
+    os._exit(0)
+
+
+def _command(words: bytes, streams: Sequence[int]) -> int:
+    sys.argv, folder, environment = json.loads(words.decode("utf-8", "surrogatepass"))
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+        os.close(stream)
+    sys.stdin = io.TextIOWrapper(io.BufferedReader(io.FileIO(0, closefd=False)), encoding="utf-8")
+    sys.stdout, sys.stderr = (
+        io.TextIOWrapper(
+            io.BufferedWriter(io.FileIO(number, "w", closefd=False)),
+            encoding="utf-8",
+            errors=errors,
+            line_buffering=number == 2 or os.isatty(number),
+        )
+        for number, errors in ((1, "strict"), (2, "backslashreplace"))
+    )
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    try:
+        if sys.argv[0] == "qinit":
+            from qinit_cli.__main__ import main
+
+            main()
+        else:
+            import runpy
+
+            runpy.run_path(sys.argv[0], run_name="__main__")
+    except SystemExit as end:
+        code = end.code
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return code if isinstance(code, int) else 1
+
+
+if __name__ == "__main__":
+    serve(sys.argv[1])
