@@ -381,7 +381,7 @@ def transfer(
         chosen, given = tuning.chosen(tuned.source, chosen, known.family)
     words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
     keeping = _keeping(store, output, words)
-    targets, count = target_tasks.targets_of(asked, known.spec)
+    targets, count = target_tasks.targets_of(asked, known.settings.sources)
     machine = _asked(Machine, jobs=jobs)
     initial, tables = initial_of(chosen, known, targets, count, keeping, machine, reporter)
     plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables])
@@ -447,7 +447,7 @@ def lifelong(
         *option_words(living),
         *option_words(asked),
     )
-    targets, count = target_tasks.targets_of(replace(asked, keep_q=True), known.spec)
+    targets, count = target_tasks.targets_of(replace(asked, keep_q=True), known.settings.sources)
     plan = lifetimes.lifetime_plan(chosen, living, replace(targets, keep_visits=True), count, known)
     return Run(_made(plan, _keeping(store, output, words), 1, reporter, fail_fast=True).source)
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.run import run_schema
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.errors import NotAllowed
@@ -137,11 +137,11 @@ def test_a_run_is_whole_in_its_file(
         hypotheses=initial.hypothesis_count,
         moments=targets.moments,
     )
-    source = specs.sources(
+    source = SourcesSettings.of(
         SourceTasks(targets.family, "q-learning", targets.family.source_learning, 0), SOURCES
     )
-    fitted = specs.fit(source, ["1" * 64], FitOptions())
-    spec = specs.run(made, targets, TARGETS, "0" * 64, fitted)
+    fitted = FitSettings.of(source, "1" * 64, FitOptions())
+    spec = RunSettings.of(made, targets, TARGETS, "0" * 64, fitted).spec()
     path = tmp_path / "run.h5"
     with open_work(path, schema, spec) as work:
         work.save(rows, np.arange(TARGETS))

@@ -14,9 +14,10 @@ import pytest
 import typer
 from running import run_here
 
+from qinit_cli.artefacts.settings import StoredFamily
 from qinit_cli.commands.option_groups import Group
 from qinit_cli.commands.typer_commands import add_command, add_each
-from qinit_cli.environments import FAMILIES, family_of
+from qinit_cli.environments import FAMILIES
 from qinit_cli.errors import NotAllowed
 from qinit_cli.options import option
 from qinit_cli.registry import COMPLETING, Registry
@@ -200,9 +201,9 @@ class Seed:
 
 def test_the_missing_plug_in_of_an_artefact_is_named() -> None:
     with pytest.raises(NotAllowed, match=r"it came with mazes 2\.0: pip install mazes$"):
-        family_of({"family": {"name": "maze"}}, {"plug-in maze": "mazes 2.0"})
+        StoredFamily.read({"name": "maze"}).installed({"plug-in maze": "mazes 2.0"})
     with pytest.raises(NotAllowed, match="known are gridworld"):
-        family_of({"family": {"name": "maze"}}, {})
+        StoredFamily.read({"name": "maze"}).installed()
 
 
 def test_the_help_of_the_root_and_our_own_families_load_no_plug_in(install: Install, tmp_path: Path) -> None:

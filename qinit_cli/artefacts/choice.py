@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from qinit_cli.analysis.intervals import Estimate, over_targets
-from qinit_cli.environments import label_of
+from qinit_cli.artefacts.settings import TuningSettings
 from qinit_cli.methods import METHODS
 from qinit_cli.options import flag, options
 from qinit_cli.seeding import Stream, generator
@@ -85,18 +85,18 @@ class Choice:
     @classmethod
     def of(cls, artefact: Artefact) -> Choice:
         """The choice that is kept, every task verified."""
-        average, seed = artefact.read("average"), int(artefact.spec["seed"])
-        method, grid = artefact.spec["method"], artefact.spec["grid"]
-        known = [one.name for one in _options(str(method["name"]))]
+        settings = TuningSettings.read(artefact.spec)
+        average, seed, method, grid = artefact.read("average"), settings.seed, settings.method, settings.grid
+        known = [one.name for one in _options(method.name)]
         names = sorted(grid, key=lambda name: known.index(name) if name in known else 0)
         found = judged(average, {name: artefact.read(name) for name in names}, seed)
         return cls(
-            method=str(method["name"]),
-            label=f"{method['label']}, {label_of(artefact.spec)}",
+            method=method.name,
+            label=f"{method.label}, {settings.family.label}",
             sources=int((~np.isnan(average).any(axis=1)).sum()),
             candidates=found,
             worth=worth(average, seed),
-            edges=edges(str(method["name"]), found, grid),
+            edges=edges(method.name, found, grid),
         )
 
     @property

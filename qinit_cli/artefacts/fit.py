@@ -6,15 +6,14 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
-from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
-    from qinit_cli.artefacts.kind import Settings
+    from qinit_cli.artefacts.settings import FitSettings, Spec
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
 
 
-class FitKind(Kind):
+class FitKind(Kind["FitSettings"]):
     """What is known of the sources."""
 
     name = "fit"
@@ -31,29 +30,13 @@ class FitKind(Kind):
     indices = ("library", "held_out")
     described = ("library",)
 
-    def check_settings(self, spec: Settings) -> None:
-        from dataclasses import fields
+    def read(self, spec: Spec) -> FitSettings:
+        from qinit_cli.artefacts.settings import FitSettings
 
-        from qinit_cli.artefacts import settings
-        from qinit_cli.fitted import FitOptions
-
-        options = {field.name: object for field in fields(FitOptions)}
-        told = settings.of(
-            spec,
-            "the settings",
-            {"algorithm_version": int, "inputs": list, "sources": dict, "estimator": str},
-            {**options, "initialisations": list},
-        )
-        settings.made_from(told)
-        settings.texts(told, "initialisations")
-        SOURCES.check_settings(told["sources"])
-        settings.fitted({name: told[name] for name in options if name in told}, told["sources"]["tasks"])
+        return FitSettings.read(spec)
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return fit_schema(states, action, 1).columns
-
-    def drawn(self, spec: Settings) -> dict[str, Any]:
-        return dict(spec["sources"])
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         from qinit_cli.artefacts.fit_columns import FitStatistics, fit_statistics
@@ -65,7 +48,7 @@ class FitKind(Kind):
         return fit_schema(states, action, library, *fit_statistics(everything, names)).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
-        tasks = artefact.spec["sources"]["tasks"]
+        tasks = self.read(artefact.spec).sources.tasks
         longest = {f"{name}_mean": steps for name, steps in self.longest_path(artefact).items()}
         return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1, **longest}
 
@@ -74,19 +57,20 @@ class FitKind(Kind):
 
         check_values(artefact)
 
-    def reported(self, spec: Settings) -> Iterator[Reported]:
-        yield Reported("Source tasks", spec["sources"], 1)
-        yield Reported("Fits", {name: value for name, value in spec.items() if name != "sources"})
+    def reported(self, told: FitSettings) -> Iterator[Reported]:
+        yield Reported("Source tasks", told.sources.spec(), 1)
+        yield Reported("Fits", {name: own for name, own in told.spec().items() if name != "sources"})
 
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np
 
         from qinit_cli.fitted import MASKED, UNKNOWN
 
+        settings = self.read(artefact.spec)
         n, flags, median = (artefact.read(name) for name in ("n", "flags", "lognormal_median"))
         numbers: dict[str, Any] = {
-            "sources": int(artefact.spec["sources"]["tasks"]),
-            "estimator": artefact.spec["estimator"],
+            "sources": settings.sources.tasks,
+            "estimator": settings.options.estimator,
             "state_actions": n.size,
             "unknown": int((flags & UNKNOWN > 0).sum()),
             "masked": int((flags & MASKED > 0).sum()),

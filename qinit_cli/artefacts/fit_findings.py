@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.analysis.permutation import LEVEL
-from qinit_cli.fitted import EOPL_TESTS, TESTS
+from qinit_cli.fitted import EOPL_TESTS, TESTS, FitOptions
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -20,16 +20,16 @@ Arrays = Mapping[str, Any]
 Findings = dict[str, Any]  # plain values, None where there is no number
 
 
-def findings(arrays: Arrays, spec: Mapping[str, Any]) -> Findings:
-    """What each group of statistics in the `arrays` of a fit amounts to; `spec` is the fit's, groups not asked for are absent.
+def findings(arrays: Arrays, options: FitOptions) -> Findings:
+    """What each group of statistics in the `arrays` of a fit amounts to; groups not asked for are absent.
 
     `arrays` holds the names along the axes `distribution` and `initialisation` as well.
     """
     told: Findings = {}
     if "normality_p" in arrays:
-        told["normality"] = _normality(arrays, "normality", TESTS[spec["normality"]])
+        told["normality"] = _normality(arrays, "normality", TESTS[options.normality])
     if "eopl_normality_p" in arrays:
-        told["eopl_normality"] = _normality(arrays, "eopl_normality", EOPL_TESTS[spec["eopl_normality"]])
+        told["eopl_normality"] = _normality(arrays, "eopl_normality", EOPL_TESTS[options.eopl_normality])
     if "alternative_aic" in arrays:
         told["alternatives"] = _alternatives(arrays)
     if "held_out_task" in arrays:

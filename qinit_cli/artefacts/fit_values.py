@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from qinit_cli.artefacts.settings import FitSettings
 from qinit_cli.elementary import exp, ln
 from qinit_store.reading import Artefact
 
@@ -45,7 +46,7 @@ def _check_moments(artefact: Artefact) -> None:
             "mu": (low <= mu + SLACK * (1 + np.abs(mu))) & (mu <= high + slack),
             "sigma": sigma <= high - low + slack,
         }
-        if artefact.spec["estimator"] == "mle":
+        if FitSettings.read(artefact.spec).options.estimator == "mle":
             within["lognormal_median"] = np.isclose(median, exp(mu), rtol=SLACK, atol=LEAST)
             within["lognormal_mean"] = np.isclose(average, exp(mu + sigma**2 / 2), rtol=SLACK, atol=LEAST)
     for name, fits in within.items():
@@ -55,10 +56,10 @@ def _check_moments(artefact: Artefact) -> None:
 
 def _check_sources(artefact: Artefact) -> None:
     """ValueError where a fit counts sources otherwise than its settings and its library do."""
-    spec, library = artefact.spec, artefact.read("library_task")
+    settings, library = FitSettings.read(artefact.spec), artefact.read("library_task")
     counted = artefact.read("n") + artefact.read("n_masked")
-    fitted = spec["sources"]["tasks"]
+    fitted = settings.sources.tasks
     if counted.size and not (counted.min() == counted.max() <= fitted):
         raise ValueError(f"n and n_masked do not count the same sources everywhere, {fitted} at most")
-    if (np.diff(library) <= 0).any() or library.size > spec.get("library", library.size):
+    if (np.diff(library) <= 0).any() or library.size > settings.options.library:
         raise ValueError("library_task is no row of ascending tasks, as many at most as the settings keep")

@@ -8,14 +8,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeVar
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
+    from qinit_cli.artefacts.settings import Settings, Spec
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
-Settings = Mapping[str, Any]
+Told = TypeVar("Told", bound="Settings")
 Picture = Literal["histogram", "heatmap", "curve"]
 
 
@@ -49,13 +50,13 @@ class Reported:
     """Settings under one heading of a report, which shows those of the least distance."""
 
     heading: str
-    settings: Settings
+    settings: Spec
     distance: int = (
         0  # from the artefact that they are the settings of: 1 in what was made of it, 2 beyond that
     )
 
 
-class Kind(ABC):
+class Kind(ABC, Generic[Told]):
     """One kind of artefact."""
 
     name: ClassVar[str]
@@ -78,16 +79,9 @@ class Kind(ABC):
         "task",
     )  # axes whose entries are told apart by columns over them alone
 
-    def check(self, spec: Settings) -> None:
-        """ValueError, in one clause, for the first setting that cannot be."""
-        said = spec.get("kind")
-        if said != self.name:
-            raise ValueError(f"its settings are of {said!r}, the artefact is of {self.name}")
-        self.check_settings({name: value for name, value in spec.items() if name != "kind"})
-
     @abstractmethod
-    def check_settings(self, spec: Settings) -> None:
-        """The same for the settings beside the kind's name."""
+    def read(self, spec: Spec) -> Told:
+        """The settings of an artefact; ValueError, in one clause, for the first that cannot be."""
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         """The columns that it has whatever its options, over these axes."""
@@ -114,11 +108,7 @@ class Kind(ABC):
                 return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
         return ""
 
-    def drawn(self, spec: Settings) -> dict[str, Any]:
-        """The settings by which its tasks were drawn."""
-        return dict(spec)
-
-    def asked(self, spec: Settings) -> tuple[str, ...]:
+    def asked(self, spec: Spec) -> tuple[str, ...]:
         """The columns that these settings ask for, beside those that every artefact of the kind has."""
         return ()
 
@@ -140,7 +130,7 @@ class Kind(ABC):
 
         return replace(column, high=self.highest(artefact).get(column.name, column.high))
 
-    def check_values(self, artefact: Artefact) -> None:  # noqa: B027  # neutral: few kinds have such
+    def check_values(self, artefact: Artefact) -> None:  # neutral: few kinds have such
         """ValueError where its numbers contradict one another, or its settings."""
 
     def axes(self, artefact: Artefact) -> tuple[tuple[Axis, ...], Axis]:
@@ -156,23 +146,21 @@ class Kind(ABC):
 
         from qinit_cli.environments import FAMILIES
 
-        drawn = self.drawn(artefact.spec)
-        if not FAMILIES.is_own(drawn["family"]["name"]):
+        drawn = self.read(artefact.spec).sources
+        if not FAMILIES.is_own(drawn.family.name):
             return {}
         states, _ = self.axes(artefact)
-        return {
-            "eopl": 1.0 + max(math.prod(axis.values.size for axis in states), drawn["learning"]["horizon"])
-        }
+        return {"eopl": 1.0 + max(math.prod(axis.values.size for axis in states), drawn.learning.horizon)}
 
     @abstractmethod
     def shown(self, artefact: Artefact) -> Shown:
         """Numbers and picture, every task verified; memory is that of a block of tasks."""
 
-    def reported(self, spec: Settings) -> Iterator[Reported]:
+    def reported(self, told: Told) -> Iterator[Reported]:
         """Its settings as a report shows them."""
-        yield Reported(self.several.capitalize(), spec)
+        yield Reported(self.several.capitalize(), told.spec())
 
-    def labels(self, spec: Settings) -> dict[str, str]:
+    def labels(self, spec: Spec) -> dict[str, str]:
         """What tells the rows of several artefacts apart, beside their names."""
         return {}
 

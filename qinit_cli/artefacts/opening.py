@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from qinit_cli.artefacts import settings
-from qinit_cli.artefacts.kinds import KINDS, check
-from qinit_cli.environments import Family, family_of
+from qinit_cli.artefacts.kinds import KINDS, read
+from qinit_cli.artefacts.settings import RunSettings, Settings
+from qinit_cli.environments import Family
 from qinit_cli.errors import NotAllowed
 from qinit_store import reading
 from qinit_store.held import Held
@@ -67,7 +67,7 @@ def described(entry: Description) -> Description:
     if not entry.spec:
         return entry
     try:
-        check(entry.kind, entry.spec)
+        read(entry.kind, entry.spec)
     except ValueError as fault:
         unknown = replace(entry, spec={})
         if entry.state == "done" and _ours(entry.spec):
@@ -76,9 +76,17 @@ def described(entry: Description) -> Description:
     return entry
 
 
+def settings_of(entry: Description) -> Settings | None:
+    """Its settings; None where these are unknown, or cannot be."""
+    try:
+        return read(entry.kind, entry.spec) if entry.spec else None
+    except ValueError:
+        return None
+
+
 def family_in(artefact: Artefact) -> Family:
     """The family of its tasks; NotAllowed if that is not installed, or has other states here."""
-    family = family_of(KINDS[artefact.kind].drawn(artefact.spec), artefact.provenance)
+    family = read(artefact.kind, artefact.spec).sources.family.installed(artefact.provenance)
     wanted = (*family.shape, len(family.actions))
     column = next(one for one in artefact.schema.columns if one.name == KINDS[artefact.kind].table)
     if (there := artefact.schema.row_shape(column)) != wanted:
@@ -111,9 +119,8 @@ def _ours(spec: dict[str, Any]) -> bool:
 
 def _expect(artefact: Artefact) -> None:
     try:
-        check(artefact.kind, artefact.spec)
-        family = settings.family(KINDS[artefact.kind].drawn(artefact.spec)["family"])
-        axes, columns = _layout(artefact, family)
+        drawn = read(artefact.kind, artefact.spec).sources
+        axes, columns = _layout(artefact, drawn.family.here)
         artefact.expect(axes, columns)
         if not artefact.trouble:  # which is told as what it is
             KINDS[artefact.kind].check_values(artefact)
@@ -138,7 +145,6 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
     parameters = family.parameters() if family is not None and kind.has_parameters else ()
     names = {
         *(column.name for column in parameters),
-        *artefact.spec.get("grid", ()),
         *kind.asked(artefact.spec),
     }
     if lacking := names - {column.name for column in artefact.schema.columns}:
@@ -160,7 +166,7 @@ def _check_scales(artefact: Artefact) -> None:
             if axes[name].dtype.kind != "S" and not (np.diff(axes[name]) > 0).all():
                 raise ValueError(f"its axis {name} does not ascend")
     if "moment" in axes:
-        moments, episodes = axes["moment"], artefact.spec["learning"]["episodes"]
+        moments, episodes = axes["moment"], RunSettings.read(artefact.spec).learning.episodes
         whole = moments.dtype.kind == "i" and moments.size > 0
         if not (whole and (np.diff(moments) > 0).all() and moments[0] >= 0 and moments[-1] <= episodes):
             raise ValueError("its axis moment is no row of ascending numbers of episodes")

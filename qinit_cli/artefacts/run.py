@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
 
 if TYPE_CHECKING:
-    from qinit_cli.artefacts.kind import Settings
+    from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
-FITTED = ("estimator", "library", "holdout", "exclude_unlearned")  # what it keeps of its fit's settings
 SMOOTH = 20  # episodes averaged into each point of a curve, as plot does unless told otherwise
 
 
-class RunKind(Kind):
+class RunKind(Kind["RunSettings"]):
     """How a method fared on target tasks."""
 
     name = "run"
@@ -37,36 +36,10 @@ class RunKind(Kind):
     indices = ("episode", "evaluation", "hypothesis")
     results = ("seconds", "v_star", "v_eps", "added", "log_std", "moves", "frozen")
 
-    def check_settings(self, spec: Settings) -> None:
-        from qinit_cli.artefacts import settings
+    def read(self, spec: Spec) -> RunSettings:
+        from qinit_cli.artefacts.settings import RunSettings
 
-        told = settings.of(
-            spec,
-            "the settings",
-            {
-                "algorithm_version": int,
-                "method": dict,
-                "family": dict,
-                "learning": dict,
-                "seed": int,
-                "tasks": int,
-                "inputs": list,
-                "source_set": dict,
-            },
-            {"keep_q": bool, "evaluate_every": int},
-        )
-        settings.family(told["family"])
-        settings.learning(told["learning"])
-        settings.made_from(told)
-        settings.counted(told)
-        settings.at_least(told, evaluate_every=0)
-        settings.method(told["method"])
-        drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
-        source_set = settings.of(told["source_set"], "the source set", drawn, dict.fromkeys(FITTED, object))
-        settings.drawn(source_set)
-        settings.fitted(
-            {name: source_set[name] for name in FITTED if name in source_set}, source_set["tasks"]
-        )
+        return RunSettings.read(spec)
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return run_schema(
@@ -91,19 +64,16 @@ class RunKind(Kind):
             )
         return super().lack(schema, part=part)
 
-    def asked(self, spec: Settings) -> tuple[str, ...]:
-        tables = ("q",) if spec.get("keep_q") else ()
+    def asked(self, spec: Spec) -> tuple[str, ...]:
+        settings = self.read(spec)
+        tables = ("q",) if settings.keep_q else ()
         # an earlier version kept no steps of evaluations
-        evaluated = ("eval_return", "eval_reached") if spec.get("evaluate_every") else ()
+        evaluated = ("eval_return", "eval_reached") if settings.evaluate_every else ()
         return (*tables, *evaluated)
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
-        from qinit_cli.artefacts import settings
-
-        episodes, every = (
-            settings.learning(artefact.spec["learning"]).episodes,
-            artefact.spec.get("evaluate_every", 0),
-        )
+        settings = self.read(artefact.spec)
+        episodes, every = settings.learning.episodes, settings.evaluate_every
         return {"episode": episodes, "evaluation": 1 + episodes // every if every else 0}
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
@@ -124,9 +94,7 @@ class RunKind(Kind):
         ).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
-        from qinit_cli.artefacts import settings
-
-        learning = settings.learning(artefact.spec["learning"])
+        learning = self.read(artefact.spec).learning
         return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}
 
     def within(self, column: Column, artefact: Artefact) -> Column:
@@ -135,7 +103,7 @@ class RunKind(Kind):
         from qinit_cli.artefacts.columns import ROUNDING
         from qinit_cli.methods import METHODS
 
-        if METHODS.is_own(artefact.spec["method"]["name"]):
+        if METHODS.is_own(self.read(artefact.spec).method.name):
             # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
             if column.name == "potential":
                 return replace(column, low=0, high=1 + ROUNDING)
@@ -148,7 +116,8 @@ class RunKind(Kind):
 
         from qinit_cli.analysis import returns
 
-        gamma, horizon = float(artefact.spec["learning"]["gamma"]), int(artefact.spec["learning"]["horizon"])
+        learning = self.read(artefact.spec).learning
+        gamma, horizon = learning.gamma, learning.horizon
         values = [
             name
             for name in ("v_star", "v_eps")
@@ -180,17 +149,16 @@ class RunKind(Kind):
         title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
         return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
 
-    def reported(self, spec: Settings) -> Iterator[Reported]:
-        known = spec["source_set"]
-        drawn = {name: value for name, value in known.items() if name not in ("sources", *FITTED)}
-        yield Reported("Source tasks", drawn, 2)
-        yield Reported("Fits", {name: known[name] for name in FITTED if name in known}, 1)
+    def reported(self, told: RunSettings) -> Iterator[Reported]:
+        known, given = told.source_set.shared(), told.source_set.given
+        yield Reported("Source tasks", {name: known[name] for name in known if name not in given}, 2)
+        yield Reported("Fits", {name: known[name] for name in given}, 1)
         apart = ("method", "source_set")
-        yield Reported("Target tasks", {name: value for name, value in spec.items() if name not in apart})
-        yield Reported("Methods", method_reported(spec["method"]))
+        yield Reported("Target tasks", {name: own for name, own in told.spec().items() if name not in apart})
+        yield Reported("Methods", method_reported(told.method))
 
-    def labels(self, spec: Settings) -> dict[str, str]:
-        return {"method": spec["method"]["name"]}
+    def labels(self, spec: Spec) -> dict[str, str]:
+        return {"method": self.read(spec).method.name}
 
     def derived_fields(self, table: str) -> list[Field]:
         earned = Field("return", "<f8", "1", "discounted return of the episode")
@@ -211,30 +179,26 @@ class RunKind(Kind):
 
         if not self.needed(table):
             return {}
-        learning = artefact.spec["learning"]
+        learning = self.read(artefact.spec).learning
         reached = block["reached"].astype(bool)
-        earned = returns.discounted_returns(block["steps"], reached, float(learning["gamma"]))
+        earned = returns.discounted_returns(block["steps"], reached, learning.gamma)
         return {
             "return": earned,
             "average_return": returns.average(earned),
             "first_10": returns.jumpstart(earned),
             "last_tenth": returns.asymptotic(earned),
             "success": reached.mean(axis=1),
-            "restricted_steps": returns.restricted_steps(block["steps"], int(learning["horizon"])).mean(
-                axis=1
-            ),
+            "restricted_steps": returns.restricted_steps(block["steps"], learning.horizon).mean(axis=1),
         }
 
 
 RUN = RunKind()
 
 
-def method_reported(method: Settings) -> dict[str, Any]:
+def method_reported(method: StoredMethod) -> dict[str, Any]:
     """The method as tables call it, then its options."""
-    return {
-        "method": method["label"],
-        **{name: value for name, value in method.items() if name not in ("name", "label")},
-    }
+    told = method.spec()
+    return {"method": method.label, **{name: told[name] for name in told if name not in ("name", "label")}}
 
 
 def run_schema(

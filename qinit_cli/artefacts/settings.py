@@ -1,52 +1,570 @@
-"""What the settings of several kinds have in common, checked by the dataclasses that make them.
+"""What changes an artefact's numbers: read whole from what the store keeps, by the dataclasses that made it, or refused.
 
-`specs` writes them, and each kind checks its own. A setting that an earlier version did not have may be missing if its option has
-a default; an unknown one is refused.
+An artefact's settings contain all that transfer and compare need of the stage before, so that files can travel alone. A setting
+that an earlier version did not have may be missing if its option has a default; an unknown one is refused.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.errors import QinitError
+from qinit_cli.errors import NotAllowed, QinitError
+from qinit_cli.fitted import FitOptions
 from qinit_cli.learning import QLearning
-from qinit_cli.methods import METHODS
+from qinit_cli.methods import METHODS, Method
+from qinit_cli.methods.plus import Plus, initialisations
+from qinit_cli.methods.zero import Zero
 from qinit_cli.options import is_of
+from qinit_cli.registry import PLUG_IN
 from qinit_store.guard import MOST_TASKS
 
-Settings = Mapping[str, Any]
+if TYPE_CHECKING:
+    from qinit_cli.tasks import SourceTasks, TargetTasks
+
+Spec = Mapping[str, Any]  # as the store keeps it
 Made = TypeVar("Made")
 
+# raised whenever the same settings would give other numbers; a family may have a higher one of its own
+ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 LEARNERS, ROLES = ("q-learning", "exact"), ("source", "target")
-EXACT = {
-    "epsilon": 0.0,
-    "episodes": 1,
-    "start": "fixed",
-}  # stand-ins for settings that the exact learner does not have
+# stand-ins for settings that the exact learner does not have
+EXACT: dict[str, Any] = {"epsilon": 0.0, "episodes": 1, "start": "fixed"}
+OF_EXACT = {"alpha": float, "gamma": float, "horizon": int}  # alpha is kept for the transfer that follows
+OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
-def family(told: Any) -> Family | None:
-    """The family with these settings, None where it is a plug-in's that is not installed; ValueError where it cannot be."""
-    name, settings = _named(told, "the family")
-    return built(FAMILIES[name], settings, f"the family {name}") if name in FAMILIES else None
+@dataclass(frozen=True)
+class StoredFamily:
+    """A family as an artefact names it."""
+
+    name: str
+    options: Spec
+    here: Family | None  # None: a plug-in's that is not installed
+
+    @classmethod
+    def of(cls, family: Family) -> Self:
+        """The family, to be stored."""
+        return cls(family.name, _plain(asdict(family)), family)  # type: ignore[call-overload]  # a dataclass
+
+    @classmethod
+    def read(cls, told: Any) -> Self:
+        """ValueError where it cannot be."""
+        name, options = _named(told, "the family")
+        here = _built(FAMILIES[name], options, f"the family {name}") if name in FAMILIES else None
+        return cls(name, options, here)
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps it."""
+        return {"name": self.name, **self.options}
+
+    @property
+    def label(self) -> str:
+        """What it calls its distribution; where it is not installed, its name and options."""
+        if self.here is not None:
+            return self.here.label
+        given = [f"{key}={value}" for key, value in sorted(self.options.items()) if value is not None]
+        return " ".join([self.name, *given])
+
+    def installed(self, provenance: Mapping[str, Any] | None = None) -> Family:
+        """The family; NotAllowed where it is not installed. The artefact's `provenance` tells which plug-in is missing."""
+        if self.here is not None:
+            return self.here
+        package = str((provenance or {}).get(f"{PLUG_IN} {self.name}", ""))
+        there = f"known are {', '.join(FAMILIES)}"
+        remedy = f"it came with {package}: pip install {package.split()[0]}" if package.strip() else there
+        raise NotAllowed(f"the family {self.name} is not installed here; {remedy}")
 
 
-def learning(told: Any, learner: str = "q-learning") -> QLearning:
-    """How tasks were learned; for the exact learner with stand-ins for the settings that it does not have."""
+@dataclass(frozen=True)
+class StoredMethod:
+    """A method as an artefact names it."""
+
+    name: str
+    label: str
+    options: Spec  # what it starts from, `init`, with its own name and options
+    here: Method | None  # None: it, or what it starts from, is a plug-in's that is not installed
+    min_visits: int | None = None  # of entries that a lifetime adds; None: it adds none
+
+    @classmethod
+    def of(cls, method: Method, family: Family) -> Self:
+        """The method, to be stored with the options that it has on the family."""
+        options = asdict(method.on(family))  # type: ignore[call-overload]  # a dataclass
+        if isinstance(method, Plus):
+            start = initialisations()[method.init]()
+            options["init"] = {"name": start.name, **asdict(start)}  # type: ignore[call-overload]  # a dataclass
+        return cls(method.name, method.label, _plain(options), method)
+
+    @classmethod
+    def read(cls, told: Any, tuned: Iterable[str] = ()) -> Self:
+        """ValueError where it cannot be, or has no option `tuned`; one that is not installed may have any options."""
+        name, options = _named(told, "the method")
+        label = options.pop("label", None)
+        if not isinstance(label, str):
+            raise ValueError("the method lacks its label")
+        visits = None
+        if "update" in options:
+            update = _of(options.pop("update"), "the update", {"min_visits": int})
+            _at_least(update, min_visits=1)
+            visits = update["min_visits"]
+        given = dict(options)
+        first, own = _first(options.get("init"))
+        if first is not None and own is not None and first in METHODS:
+            _built(METHODS[first], own, f"the method {first}")
+        if first is not None:
+            given["init"] = first
+        here = None
+        if name in METHODS:
+            # what it starts from, if that is not installed, would be refused: the rest is checked without it
+            known = own is None or str(first) in METHODS
+            checked = given if known else {key: value for key, value in given.items() if key != "init"}
+            made = _built(METHODS[name], checked, f"the method {name}")
+            if unknown := set(tuned) - {field.name for field in dataclasses.fields(made)}:  # type: ignore[arg-type]  # a dataclass
+                raise ValueError(f"the method {name} has no {min(unknown)} to choose")
+            here = made if known else None
+        return cls(name, label, options, here, visits)
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps it."""
+        update = {} if self.min_visits is None else {"update": {"min_visits": self.min_visits}}
+        return {"name": self.name, "label": self.label, **self.options, **update}
+
+    def installed(self) -> Method:
+        """The method; NotAllowed where it is not installed."""
+        if self.here is None:
+            raise NotAllowed(f"the method {self.label} is not installed here; known are {', '.join(METHODS)}")
+        return self.here
+
+    @property
+    def start(self) -> str:
+        """The method that it starts from."""
+        return _first(self.options.get("init"))[0] or Zero.name
+
+    @property
+    def plus(self) -> bool:
+        """Whether it starts from another method instead of zero."""
+        return self.start != Zero.name
+
+    @property
+    def reads_sources(self) -> bool:
+        """Whether other sources would make it start otherwise; so it is of a method that is not installed."""
+        return self.here is None or self.here.reads_sources
+
+
+@dataclass(frozen=True)
+class SourcesSettings:
+    """What decides the numbers of source tasks."""
+
+    kind: ClassVar[str] = "sources"
+    algorithm_version: int
+    family: StoredFamily
+    learner: str
+    learning: QLearning  # of the exact learner with stand-ins for what it does not have
+    seed: int
+    tasks: int
+    role: str = "source"
+
+    @classmethod
+    def of(cls, tasks: SourceTasks, count: int) -> Self:
+        """Those of so many tasks that are to be learned."""
+        family = StoredFamily.of(tasks.family)
+        exact = tasks.learner == "exact"
+        learning = dataclasses.replace(tasks.learning, **EXACT) if exact else tasks.learning
+        version = _algorithm(tasks.family)
+        return cls(version, family, tasks.learner, learning, tasks.seed, count, tasks.role)
+
+    @classmethod
+    def read(cls, spec: Spec) -> Self:
+        """ValueError, in one clause, for the first setting that cannot be."""
+        return cls.read_within(_beside_kind(cls.kind, spec))
+
+    @classmethod
+    def read_within(cls, told: Spec) -> Self:
+        """The same as `within` wrote them."""
+        needed = {
+            "algorithm_version": int,
+            "family": dict,
+            "learner": str,
+            "learning": dict,
+            "seed": int,
+            "tasks": int,
+        }
+        told = _of(told, "the settings", needed, {"role": str})
+        _among("role", told.get("role", "source"), ROLES)
+        return cls(**{**told, **_drawn(told)})
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps them."""
+        return {"kind": self.kind, **self.within()}
+
+    def within(self) -> dict[str, Any]:
+        """As they stand in the settings of what is made from these sources."""
+        return {
+            "algorithm_version": self.algorithm_version,
+            "role": self.role,
+            "family": self.family.spec(),
+            "learner": self.learner,
+            "learning": plain_learning(self.learning, self.learner),
+            "seed": self.seed,
+            "tasks": self.tasks,
+        }
+
+    @property
+    def sources(self) -> SourcesSettings:
+        """The settings by which the tasks were drawn."""
+        return self
+
+    def choice(self) -> Self:
+        """What all sets of sources of one distribution share that were learned in one way; the rest is neutral."""
+        return dataclasses.replace(self, algorithm_version=ALGORITHM, seed=0, tasks=1, role="source")
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What decides the numbers of a fit."""
+
+    kind: ClassVar[str] = "fit"
+    algorithm_version: int
+    content: str  # hash of the sources
+    sources: SourcesSettings
+    options: FitOptions
+    given: tuple[str, ...]  # options that stand there: an earlier version had fewer
+    initialisations: tuple[str, ...] | None = None  # methods whose starts are judged by the sources held out
+
+    @classmethod
+    def of(cls, sources: SourcesSettings, content: str, options: FitOptions) -> Self:
+        """Those of a fit that is to be made; the starts that are judged are those of the methods there are."""
+        judged = tuple(initialisations()) if options.holdout else None
+        return cls(ALGORITHM, content, sources, options, tuple(asdict(options)), judged)
+
+    @classmethod
+    def read(cls, spec: Spec) -> Self:
+        """ValueError, in one clause, for the first setting that cannot be."""
+        options = {field.name: object for field in dataclasses.fields(FitOptions)}
+        needed = {"algorithm_version": int, "inputs": list, "sources": dict, "estimator": str}
+        more = {**options, "initialisations": list}
+        told = _of(_beside_kind(cls.kind, spec), "the settings", needed, more)
+        content = _content(told)
+        judged = told.get("initialisations")
+        if not all(isinstance(one, str) for one in judged or ()):
+            raise ValueError(f"initialisations is {judged!r}, no list of texts")
+        sources = SourcesSettings.read_within(told["sources"])
+        given = {name: told[name] for name in options if name in told}
+        fitted = _fitted(given, sources.tasks)
+        judged = None if judged is None else tuple(judged)
+        return cls(told["algorithm_version"], content, sources, fitted, tuple(given), judged)
+
+    def choice(self) -> Self:
+        """What the fits of replicates share; the rest is neutral."""
+        return dataclasses.replace(self, content="", sources=self.sources.choice())
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps them."""
+        judged = {} if self.initialisations is None else {"initialisations": list(self.initialisations)}
+        return {
+            "kind": self.kind,
+            "algorithm_version": self.algorithm_version,
+            "inputs": [self.content],
+            "sources": self.sources.within(),
+            **{name: getattr(self.options, name) for name in self.given},
+            **judged,
+        }
+
+
+@dataclass(frozen=True)
+class SourceSet:
+    """What tells one source set from its replicates, the content hash of the sources, and what all replicates share."""
+
+    content: str
+    family: StoredFamily
+    learner: str
+    learning: QLearning
+    tasks: int
+    fitted: FitOptions
+    given: tuple[str, ...]  # options that stand there
+    seed: int | None = None  # of the sources, where somebody who has them gives it
+
+    @classmethod
+    def of(cls, fit: FitSettings) -> Self:
+        """The set that was fitted."""
+        sources = fit.sources
+        given = tuple(name for name in OF_SET if name in fit.given)
+        return cls(
+            fit.content, sources.family, sources.learner, sources.learning, sources.tasks, fit.options, given
+        )
+
+    @classmethod
+    def read(cls, told: Any) -> Self:
+        """ValueError, in one clause, for the first setting that cannot be."""
+        drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
+        told = _of(told, "the source set", drawn, dict.fromkeys(OF_SET, object))
+        there = _drawn(told)
+        given = {name: told[name] for name in OF_SET if name in told}
+        fitted = _fitted(given, told["tasks"])
+        return cls(
+            told["sources"],
+            **there,
+            learner=told["learner"],
+            tasks=told["tasks"],
+            fitted=fitted,
+            given=tuple(given),
+        )
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps it."""
+        return {"sources": self.content, **self.shared()}
+
+    def shared(self) -> dict[str, Any]:
+        """What all replicates share."""
+        return {
+            "family": self.family.spec(),
+            "learner": self.learner,
+            "learning": plain_learning(self.learning, self.learner),
+            "tasks": self.tasks,
+            **{name: getattr(self.fitted, name) for name in self.given},
+        }
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What decides the numbers of a run: the method, the targets, how they are learned, the fit and what it was made of.
+
+    Tables that `optimal` learned are not named: these settings decide them, and their content hash changes with their count,
+    on which no single target depends.
+    """
+
+    kind: ClassVar[str] = "run"
+    algorithm_version: int
+    method: StoredMethod
+    family: StoredFamily
+    learning: QLearning
+    seed: int
+    tasks: int
+    content: str  # hash of the fit
+    source_set: SourceSet
+    keep_q: bool = False
+    evaluate_every: int = 0
+
+    @classmethod
+    def of(cls, method: Method, targets: TargetTasks, tasks: int, content: str, fit: FitSettings) -> Self:
+        """Those of targets that are to be learned from the fit with this content hash."""
+        return cls(
+            _algorithm(targets.family),
+            StoredMethod.of(method, targets.family),
+            StoredFamily.of(targets.family),
+            targets.learning,
+            targets.seed,
+            tasks,
+            content,
+            SourceSet.of(fit),
+            targets.keep_q,
+            targets.evaluate_every,
+        )
+
+    @classmethod
+    def read(cls, spec: Spec) -> Self:
+        """ValueError, in one clause, for the first setting that cannot be."""
+        needed = {
+            "algorithm_version": int,
+            "method": dict,
+            "family": dict,
+            "learning": dict,
+            "seed": int,
+            "tasks": int,
+            "inputs": list,
+            "source_set": dict,
+        }
+        more = {"keep_q": bool, "evaluate_every": int}
+        told = _of(_beside_kind(cls.kind, spec), "the settings", needed, more)
+        found = {"family": StoredFamily.read(told["family"]), "learning": _learning(told["learning"])}
+        found["content"] = _content(told)
+        _counted(told)
+        _at_least(told, evaluate_every=0)
+        found["method"] = StoredMethod.read(told["method"])
+        found["source_set"] = SourceSet.read(told["source_set"])
+        del told["inputs"]
+        return cls(**{**told, **found})
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps them."""
+        return {
+            "kind": self.kind,
+            "algorithm_version": self.algorithm_version,
+            "method": self.method.spec(),
+            "family": self.family.spec(),
+            "learning": asdict(self.learning),
+            "seed": self.seed,
+            "tasks": self.tasks,
+            "inputs": [self.content],
+            "source_set": self.source_set.spec(),
+            "keep_q": self.keep_q,
+            "evaluate_every": self.evaluate_every,
+        }
+
+    @property
+    def sources(self) -> Self:
+        """The settings by which the tasks were drawn."""
+        return self
+
+    def choice(self) -> Self:
+        """What runs from replicates of a source set share; the rest is neutral."""
+        return dataclasses.replace(
+            self, seed=0, tasks=1, content="", source_set=dataclasses.replace(self.source_set, content="")
+        )
+
+
+@dataclass(frozen=True)
+class TuningSettings:
+    """What decides a choice of parameters: the method as it is by default, the values tried, and how the sources were learned."""
+
+    kind: ClassVar[str] = "tuning"
+    algorithm_version: int
+    method: StoredMethod
+    grid: Mapping[str, Sequence[float]]
+    family: StoredFamily
+    learning: QLearning
+    seed: int
+    tasks: int
+    content: str  # hash of the sources
+    sources: SourcesSettings
+
+    @classmethod
+    def of(
+        cls,
+        method: Method,
+        grid: Mapping[str, Sequence[float]],
+        targets: TargetTasks,
+        sources: SourcesSettings,
+        content: str,
+        tasks: int,
+    ) -> Self:
+        """Those of a choice that is to be made by the sources with this content hash."""
+        return cls(
+            _algorithm(targets.family),
+            StoredMethod.of(method, targets.family),
+            {name: list(values) for name, values in grid.items()},
+            StoredFamily.of(targets.family),
+            targets.learning,
+            targets.seed,
+            tasks,
+            content,
+            sources,
+        )
+
+    @classmethod
+    def read(cls, spec: Spec) -> Self:
+        """ValueError, in one clause, for the first setting that cannot be."""
+        needed = {
+            "algorithm_version": int,
+            "method": dict,
+            "grid": dict,
+            "family": dict,
+            "learning": dict,
+            "seed": int,
+            "tasks": int,
+            "inputs": list,
+            "sources": dict,
+        }
+        told = _of(_beside_kind(cls.kind, spec), "the settings", needed)
+        for name, values in told["grid"].items():
+            if not (isinstance(values, list) and values and all(is_of(value, float) for value in values)):
+                raise ValueError(f"the values tried of {name} are no list of numbers")
+        found = {"family": StoredFamily.read(told["family"]), "learning": _learning(told["learning"])}
+        found["content"] = _content(told)
+        _counted(told)
+        found["method"] = StoredMethod.read(told["method"], tuned=told["grid"])
+        found["sources"] = SourcesSettings.read_within(told["sources"])
+        del told["inputs"]
+        return cls(**{**told, **found})
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps them."""
+        return {
+            "kind": self.kind,
+            "algorithm_version": self.algorithm_version,
+            "method": self.method.spec(),
+            "grid": {name: list(values) for name, values in self.grid.items()},
+            "family": self.family.spec(),
+            "learning": asdict(self.learning),
+            "seed": self.seed,
+            "tasks": self.tasks,
+            "inputs": [self.content],
+            "sources": self.sources.within(),
+        }
+
+
+Settings = SourcesSettings | FitSettings | RunSettings | TuningSettings
+
+
+def plug_ins(settings: Settings) -> dict[str, str]:
+    """The plug-ins whose families and methods they name: "plug-in NAME", and the distribution with its version.
+
+    Also the packages that a family's numbers depend on (its `packages`), with their versions.
+    """
+    from importlib.metadata import version
+
+    families = {
+        each.family.name for each in (settings, settings.sources) if not isinstance(each, FitSettings)
+    }
+    methods = set(settings.initialisations or ()) if isinstance(settings, FitSettings) else set()
+    if isinstance(settings, RunSettings | TuningSettings):
+        methods |= {settings.method.name, settings.method.start}
+    packages = [(name, FAMILIES.package(name)) for name in sorted(families)]
+    packages += [(name, METHODS.package(name)) for name in sorted(methods)]
+    needed = {each for name in families for each in getattr(FAMILIES.get(name), "packages", ())}
+    return {f"{PLUG_IN} {name}": package for name, package in packages if package} | {
+        each: version(each) for each in sorted(needed)
+    }
+
+
+def outdated(settings: Settings) -> list[str]:
+    """A warning where an earlier version learned these tasks, or the sources behind them, otherwise; else none."""
+    told = settings.sources
+    family = told.family.here
+    if family is None or told.algorithm_version >= _algorithm(family):
+        return []
+    return [
+        f"these tasks of {family.name} were learned by an earlier version: {getattr(family, 'learned_anew', '')}"
+    ]
+
+
+def _plain(options: Spec) -> dict[str, Any]:
+    """The options as they are read again: lists in the place of tuples."""
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in options.items()}
+
+
+def _algorithm(family: Family) -> int:
+    return int(getattr(family, "algorithm", ALGORITHM))
+
+
+def plain_learning(learning: QLearning, learner: str) -> dict[str, Any]:
+    """The settings of learning that mean something to the learner: the exact one has neither episodes nor exploration."""
+    told = asdict(learning)
+    return {name: told[name] for name in OF_EXACT} if learner == "exact" else told
+
+
+def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
+    """The settings beside the name of the kind."""
+    if (said := spec.get("kind")) != kind:
+        raise ValueError(f"its settings are of {said!r}, the artefact is of {kind}")
+    return {name: value for name, value in spec.items() if name != "kind"}
+
+
+def _learning(told: Any, learner: str = "q-learning") -> QLearning:
     settings = _object(told, "learning")
     if learner == "exact":
-        settings = EXACT | of(settings, "learning", {"alpha": float, "gamma": float, "horizon": int})
-    return built(QLearning, settings, "learning")
+        settings = EXACT | _of(settings, "learning", OF_EXACT)
+    return _built(QLearning, settings, "learning")
 
 
-def built(kind: Callable[..., Made], settings: Settings, what: str) -> Made:
+def _built(kind: Callable[..., Made], settings: Spec, what: str) -> Made:
     """An instance of a dataclass; ValueError where a setting is missing, unknown or out of its range."""
     known = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]  # a dataclass
     _refuse_unknown(settings, known, what)
@@ -59,52 +577,39 @@ def built(kind: Callable[..., Made], settings: Settings, what: str) -> Made:
         raise ValueError(f"{what} cannot be so: {error}") from error
 
 
-def drawn(told: Settings) -> None:
+def _drawn(told: Spec) -> dict[str, Any]:
     """How sources were drawn and learned: part of every artefact that is made from them."""
-    among("learner", told["learner"], LEARNERS)
-    family(told["family"])
-    learning(told["learning"], told["learner"])
-    counted(told)
+    _among("learner", told["learner"], LEARNERS)
+    found = {
+        "family": StoredFamily.read(told["family"]),
+        "learning": _learning(told["learning"], told["learner"]),
+    }
+    _counted(told)
+    return found
 
 
-def counted(told: Settings) -> None:
+def _counted(told: Spec) -> None:
     """ValueError where there can be no such number of tasks in an artefact, or no such seed."""
-    at_least(told, tasks=1, seed=0)
+    _at_least(told, tasks=1, seed=0)
     if told["tasks"] > MOST_TASKS:
         raise ValueError(f"tasks is {told['tasks']}; an artefact holds {MOST_TASKS} at most")
 
 
-def fitted(told: Settings, tasks: int) -> None:
+def _fitted(told: Spec, tasks: int) -> FitOptions:
     """ValueError where `tasks` sources cannot be fitted with these options."""
-    from qinit_cli.fitted import FitOptions
-
-    options = built(FitOptions, told, "the fit")
+    options = _built(FitOptions, told, "the fit")
     if options.holdout > tasks - LEAST_FITTED:
         raise ValueError(
             f"holdout is {options.holdout}; a fit of {tasks} sources keeps at least {LEAST_FITTED}"
         )
+    return options
 
 
-def method(told: Any, tuned: Iterable[str] = ()) -> None:
-    """A method, what it starts from, and what a lifetime adds; one that is not installed may have any options."""
-    name, settings = _named(told, "the method")
-    if not isinstance(settings.pop("label", None), str):
-        raise ValueError("the method lacks its label")
-    if "update" in settings:
-        update = of(settings.pop("update"), "the update", {"min_visits": int})
-        at_least(update, min_visits=1)
-    if isinstance(start := settings.pop("init", None), dict):
-        first, own = _named(start, "what the method starts from")
-        if first in METHODS:  # else a plug-in's that is not installed: the rest is checked without it
-            built(METHODS[first], own, f"the method {first}")
-            settings["init"] = first
-    elif start is not None:
-        settings["init"] = start
-    if name not in METHODS:
-        return
-    made = built(METHODS[name], settings, f"the method {name}")
-    if unknown := set(tuned) - {field.name for field in dataclasses.fields(made)}:  # type: ignore[arg-type]  # a dataclass
-        raise ValueError(f"the method {name} has no {min(unknown)} to choose")
+def _first(init: Any) -> tuple[str | None, dict[str, Any] | None]:
+    """What a method starts from, with its options where they stand there; None where it names nothing."""
+    if isinstance(init, dict):
+        return _named(init, "what the method starts from")
+    return (None if init is None else str(init)), None
 
 
 def _named(told: Any, what: str) -> tuple[str, dict[str, Any]]:
@@ -115,13 +620,13 @@ def _named(told: Any, what: str) -> tuple[str, dict[str, Any]]:
     return name, settings
 
 
-def _object(told: Any, what: str) -> Settings:
+def _object(told: Any, what: str) -> Spec:
     if not isinstance(told, Mapping):
         raise ValueError(f"{what} is {told!r}, which are no settings")
     return told
 
 
-def of(
+def _of(
     told: Any, what: str, needed: Mapping[str, Any], more: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """The settings, each of the type it must have; those in `more` may be missing."""
@@ -143,33 +648,27 @@ def of(
     return dict(settings)
 
 
-def _refuse_unknown(settings: Settings, known: Iterable[str], what: str) -> None:
+def _refuse_unknown(settings: Spec, known: Iterable[str], what: str) -> None:
     if unknown := sorted(set(settings) - set(known)):
         raise ValueError(f"{unknown[0]!r} in {what} is no setting of this version")
 
 
-def among(name: str, value: Any, choices: Iterable[str]) -> None:
+def _among(name: str, value: Any, choices: Iterable[str]) -> None:
     """ValueError where a setting is none of the choices."""
     if value not in choices:
         raise ValueError(f"the {name} is {value!r}; it is one of {', '.join(choices)}")
 
 
-def at_least(settings: Settings, **least: int) -> None:
+def _at_least(settings: Spec, **least: int) -> None:
     """ValueError where a setting is below its least value; one that is absent is none."""
     for name, low in least.items():
         if settings.get(name, low) < low:
             raise ValueError(f"{name} is {settings[name]}; it must be at least {low}")
 
 
-def texts(settings: Settings, name: str) -> None:
-    """ValueError where a setting is no list of texts."""
-    texts = settings.get(name, [])
-    if not all(isinstance(one, str) for one in texts):
-        raise ValueError(f"{name} is {texts!r}, no list of texts")
-
-
-def made_from(settings: Settings) -> None:
-    """ValueError where the input is not one content hash."""
-    inputs = settings["inputs"]
+def _content(told: Spec) -> str:
+    """The content hash of the one input."""
+    inputs = told["inputs"]
     if len(inputs) != 1 or not isinstance(inputs[0], str) or not CONTENT.fullmatch(inputs[0]):
         raise ValueError(f"inputs is {inputs!r}, no list of one content hash")
+    return inputs[0]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from qinit_cli.arrays import Floats, Tasks
-    from qinit_cli.artefacts.kind import Settings
+    from qinit_cli.artefacts.settings import SourcesSettings, Spec
     from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis, Column, Schema
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ERROR_TASKS = 100  # whose tables are set against exact ones
 
 
-class SourcesKind(Kind):
+class SourcesKind(Kind["SourcesSettings"]):
     """Tasks that were learned to the end."""
 
     name = "sources"
@@ -32,47 +32,31 @@ class SourcesKind(Kind):
     indices = ("bin",)
     results = ("solved", "steps", "seconds")
 
-    def check_settings(self, spec: Settings) -> None:
-        from qinit_cli.artefacts import settings
+    def read(self, spec: Spec) -> SourcesSettings:
+        from qinit_cli.artefacts.settings import SourcesSettings
 
-        told = settings.of(
-            spec,
-            "the settings",
-            {
-                "algorithm_version": int,
-                "family": dict,
-                "learner": str,
-                "learning": dict,
-                "seed": int,
-                "tasks": int,
-            },
-            {"role": str},
-        )
-        settings.among("role", told.get("role", "source"), settings.ROLES)
-        settings.drawn(told)
+        return SourcesSettings.read(spec)
 
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return sources_schema(states, action, (), 0).columns
 
-    def asked(self, spec: Settings) -> tuple[str, ...]:
-        return () if spec["learner"] == "exact" else ("curve_steps", "curve_reached")
+    def asked(self, spec: Spec) -> tuple[str, ...]:
+        return () if self.read(spec).learner == "exact" else ("curve_steps", "curve_reached")
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
-        from qinit_cli.artefacts import settings
         from qinit_cli.learning import curve_bins
 
-        learner = artefact.spec["learner"]
-        return {"bin": curve_bins(learner, settings.learning(artefact.spec["learning"], learner))}
+        settings = self.read(artefact.spec)
+        return {"bin": curve_bins(settings.learner, settings.learning)}
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         return sources_schema(*self.axes(artefact), (), artefact.schema.sizes.get("bin", 0)).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
-        from qinit_cli.artefacts import settings
-
-        if artefact.spec.get("learner") == "exact":
+        settings = self.read(artefact.spec)
+        if settings.learner == "exact":
             return {"steps": 0, "visits": 0, **self.longest_path(artefact)}
-        learning = settings.learning(artefact.spec["learning"])
+        learning = settings.learning
         most = learning.episodes * learning.horizon
         return {
             "steps": most,
@@ -86,12 +70,11 @@ class SourcesKind(Kind):
 
         from qinit_cli.artefacts.opening import family_in
         from qinit_cli.elementary import ln
-        from qinit_cli.environments import FAMILIES
         from qinit_cli.environments.family import relative_error
 
-        spec = artefact.spec
-        family = family_in(artefact) if spec["family"]["name"] in FAMILIES else None
-        compared = family is not None and family.tabular and spec["learner"] != "exact"
+        settings = self.read(artefact.spec)
+        family = None if settings.family.here is None else family_in(artefact)
+        compared = family is not None and family.tabular and settings.learner != "exact"
         solved = steps = unvisited = not_positive = entries = 0
         seconds = 0.0
         start_values: list[Floats] = []
@@ -111,7 +94,7 @@ class SourcesKind(Kind):
                 room = ERROR_TASKS - len(errors)
                 if compared and room > 0:
                     tasks = _tasks(family, block)[:room]
-                    errors += list(relative_error(family, spec["learning"]["gamma"], tasks, q[:room]))
+                    errors += list(relative_error(family, settings.learning.gamma, tasks, q[:room]))
         numbers: dict[str, Any] = {
             "tasks": artefact.task_count,
             "solved": solved,
@@ -119,7 +102,7 @@ class SourcesKind(Kind):
             "seconds": seconds,
         }
         numbers |= {"entries": entries, "entries_not_positive": not_positive}
-        if spec["learner"] != "exact":
+        if settings.learner != "exact":
             numbers["entries_never_visited"] = unvisited
         if errors:
             numbers |= _error_numbers(np.array(errors).reshape(len(errors), -1), artefact.tasks)
@@ -132,8 +115,8 @@ class SourcesKind(Kind):
         title = "ln of the greedy value at the target start, over tasks"
         return Shown(numbers, ln(values[values > 0]), "histogram", title, "ln Q")
 
-    def reported(self, spec: Settings) -> Iterator[Reported]:
-        yield Reported("Source tasks", spec)
+    def reported(self, told: SourcesSettings) -> Iterator[Reported]:
+        yield Reported("Source tasks", told.spec())
 
     def derived_fields(self, table: str) -> list[Field]:
         return [DIGEST_FIELD] if table == "tasks" else []

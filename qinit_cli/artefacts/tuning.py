@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
 from qinit_cli.artefacts.run import method_reported
-from qinit_cli.artefacts.sources import SOURCES
 
 if TYPE_CHECKING:
-    from qinit_cli.artefacts.kind import Settings
+    from qinit_cli.artefacts.settings import Spec, TuningSettings
     from qinit_store.reading import Artefact
     from qinit_store.schema import Column, Schema
 
 CANDIDATE = "candidate"
 
 
-class TuningKind(Kind):
+class TuningKind(Kind["TuningSettings"]):
     """How the candidates for a method's parameters fared."""
 
     name = "tuning"
@@ -29,34 +28,10 @@ class TuningKind(Kind):
     results = ("steps", "seconds")
     described = ("task", CANDIDATE)
 
-    def check_settings(self, spec: Settings) -> None:
-        from qinit_cli.artefacts import settings
-        from qinit_cli.options import is_of
+    def read(self, spec: Spec) -> TuningSettings:
+        from qinit_cli.artefacts.settings import TuningSettings
 
-        told = settings.of(
-            spec,
-            "the settings",
-            {
-                "algorithm_version": int,
-                "method": dict,
-                "grid": dict,
-                "family": dict,
-                "learning": dict,
-                "seed": int,
-                "tasks": int,
-                "inputs": list,
-                "sources": dict,
-            },
-        )
-        for name, values in told["grid"].items():
-            if not (isinstance(values, list) and values and all(is_of(value, float) for value in values)):
-                raise ValueError(f"the values tried of {name} are no list of numbers")
-        settings.family(told["family"])
-        settings.learning(told["learning"])
-        settings.made_from(told)
-        settings.counted(told)
-        settings.method(told["method"], tuned=told["grid"])
-        SOURCES.check_settings(told["sources"])
+        return TuningSettings.read(spec)
 
     def lack(self, schema: Schema, *, part: bool) -> str:
         from qinit_store.schema import serves
@@ -70,17 +45,20 @@ class TuningKind(Kind):
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         import math
 
-        combinations = math.prod(len(values) for values in artefact.spec["grid"].values())
+        combinations = math.prod(len(values) for values in self.read(artefact.spec).grid.values())
         tried = artefact.schema.sizes.get(CANDIDATE, 0)  # among them the method as it is
         return {CANDIDATE: min(max(1, tried), combinations + 1)}
 
-    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
-        return tuning_schema(tuple(artefact.spec["grid"]), artefact.schema.sizes.get(CANDIDATE, 0)).columns
+    def asked(self, spec: Spec) -> tuple[str, ...]:
+        return tuple(self.read(spec).grid)
 
-    def reported(self, spec: Settings) -> Iterator[Reported]:
-        yield Reported("Source tasks", spec["sources"], 1)
-        own = {name: value for name, value in spec.items() if name not in ("method", "sources")}
-        yield Reported("Tunings", method_reported(spec["method"]) | own)
+    def columns(self, artefact: Artefact) -> tuple[Column, ...]:
+        return tuning_schema(self.asked(artefact.spec), artefact.schema.sizes.get(CANDIDATE, 0)).columns
+
+    def reported(self, told: TuningSettings) -> Iterator[Reported]:
+        yield Reported("Source tasks", told.sources.spec(), 1)
+        own = {name: value for name, value in told.spec().items() if name not in ("method", "sources")}
+        yield Reported("Tunings", method_reported(told.method) | own)
 
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np

@@ -62,7 +62,7 @@ def compare(
     runs: list[str], comparing: Comparing, tabular: Tabular, reading: Reading, display: Display
 ) -> None:
     """Prints one table per set of shared targets."""
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import comparison_tables as tables
     from qinit_cli.commands import references
     from qinit_cli.commands.tables import print_table
@@ -74,7 +74,7 @@ def compare(
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
     columns = tables.chosen(every, comparing.columns)
     found = read_runs(references.many(runs, reading.store))
-    for warning in dict.fromkeys(warning for run in found for warning in outdated(run.spec)):
+    for warning in dict.fromkeys(warning for run in found for warning in outdated(run.settings)):
         note(display, f"warning: {warning}")
     if comparing.greedy:
         found = [run.greedy() for run in found]

@@ -40,7 +40,7 @@ def add_to(app: typer.Typer) -> None:
 def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, display: Display) -> None:
     """Fits the sources, publishes the fit and prints its path."""
     from qinit_cli.artefacts.fit_findings import findings
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.console import Printed
     from qinit_cli.commands.fit_statistics import lines
@@ -53,15 +53,17 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     path = references.one(sources, output.store, "scipy.special", output=output.output)
     if output.dry_run:
         asked = asked_of(path, fitting)
-        target = target_path(output.keeping, "fit", asked.stem, asked.spec)
+        target = target_path(output.keeping, asked.stem, asked.settings)
         say_expected(Expected(str(target), asked.count, 0, 0, 0.0, bytes_of(asked.schema)), output, display)
         return
     made, arrays, asked = make_fit(path, fitting, output.keeping, Printed(display))
     names = {axis.name: axis.values for axis in asked.schema.axes}
-    found = findings(arrays | names, asked.spec)
+    found = findings(arrays | names, fitting)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
-    warn(made, "", [*outdated(asked.spec), *of_fit(asked.spec, arrays)], display)
+    warn(
+        made, "", [*outdated(asked.settings), *of_fit(asked.settings.sources.learning.gamma, arrays)], display
+    )
     say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
 
 
@@ -78,5 +80,5 @@ def _summary(arrays: dict[str, Any], asked: Asked) -> str:
     if selection.unsolvable:
         sentence += f"; {counted(selection.unsolvable, 'source')} that cannot be solved left out"
     if selection.unlearned:
-        sentence += f"; {selection.unlearned} {unlearned(asked.spec['sources'])}"
+        sentence += f"; {selection.unlearned} {unlearned(asked.settings.sources)}"
     return sentence

@@ -93,6 +93,7 @@ def _fitted(known: str, learning: LearningTargets, output: Output, display: Disp
     What refuses the targets that are asked for refuses them before a fit is written.
     """
     from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.commands import references
     from qinit_cli.fitted import FitOptions
     from qinit_cli.pipeline.fitting import make_fit
@@ -103,7 +104,7 @@ def _fitted(known: str, learning: LearningTargets, output: Output, display: Disp
     if describe(path).kind != "sources":
         return path
     with open_artefact(path, "sources") as sources:
-        targets, _ = targets_of(learning, {"sources": sources.spec})
+        targets, _ = targets_of(learning, SourcesSettings.read(sources.spec))
     _ = targets.family.shape  # asks for the module of an environment that is not imported
     if output.dry_run:
         raise UsageError(
@@ -125,7 +126,7 @@ def _update(
     machine: Machine,
     display: Display,
 ) -> None:
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
     from qinit_cli.pipeline.estimate import expected
@@ -137,7 +138,7 @@ def _update(
     if (machine.jobs or 1) > 1:
         note(display, "tasks that add to each other are learned one after another, whatever --jobs says")
     fitted = Knowledge.read(path)
-    targets, count = targets_of(replace(learning, keep_q=True), fitted.spec)
+    targets, count = targets_of(replace(learning, keep_q=True), fitted.settings.sources)
     targets = replace(targets, keep_visits=True)
     if targets.family != fitted.family:
         note(
@@ -157,7 +158,7 @@ def _update(
     made = make(plan(targets, count), output.keeping, alone, Printed(display))
     sentence = _summary(made, method, fitted)
     found = of_targets(targets.learning, learned(made, targets, fitted.fit))
-    warn(made, "", [*outdated(fitted.spec), *found], display)
+    warn(made, "", [*outdated(fitted.settings), *found], display)
     say_result(made, "qinit.lifelong/1", sentence, output, display)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -17,6 +17,7 @@ from qinit_cli.options import check, option
 from qinit_store.wording import recorded_command
 
 if TYPE_CHECKING:
+    from qinit_cli.artefacts.settings import Settings
     from qinit_store.reading import Description
 
 UNFINISHED = "unfinished"
@@ -101,31 +102,39 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
             note(display, f"to go on with {entry.path.stem}: {command}")
 
 
-def _seeds(there: Sequence[Description]) -> dict[str, Any]:
+def _seeds(there: Sequence[Description]) -> dict[str, int]:
     """The seed of each of the store's sources by their content hash, which is all that a run names them by."""
-    return {entry.content_sha256: entry.spec.get("seed") for entry in there if entry.kind == "sources"}
+    from qinit_cli.artefacts.opening import settings_of
+    from qinit_cli.artefacts.settings import SourcesSettings
+
+    found = ((entry, settings_of(entry)) for entry in there)
+    return {entry.content_sha256: told.seed for entry, told in found if isinstance(told, SourcesSettings)}
 
 
-def _differences(entries: Sequence[Description], seeds: Mapping[str, Any]) -> list[str]:
+def _differences(entries: Sequence[Description], seeds: Mapping[str, int]) -> list[str]:
     """The settings in which each differs from the others of its kind, family and method, which stands before them unless the
     artefact's name has it."""
+    from qinit_cli.artefacts.opening import settings_of
+    from qinit_cli.artefacts.settings import RunSettings, TuningSettings
     from qinit_cli.comparison.distinctions import distinctions, with_words
 
-    def with_seed(spec: Mapping[str, Any]) -> Mapping[str, Any]:
-        sources = spec.get("source_set", {})
-        known = seeds.get(sources.get("sources"))
-        return spec if known is None else {**spec, "source_set": {**sources, "seed": known}}
+    def with_seed(told: Settings) -> Settings:
+        if not isinstance(told, RunSettings):
+            return told
+        return replace(told, source_set=replace(told.source_set, seed=seeds.get(told.source_set.content)))
 
     alike: dict[tuple[str, str, str], list[int]] = {}
-    for at, entry in enumerate(entries):
-        if entry.spec:
-            family = entry.spec.get("sources", entry.spec).get("family", {}).get("name", "")
-            method = str(entry.spec.get("method", {}).get("label", ""))
-            alike.setdefault((entry.kind, family, method), []).append(at)
+    there = [settings_of(entry) for entry in entries]
+    for at, told in enumerate(there):
+        if told is not None:
+            method = told.method.label if isinstance(told, RunSettings | TuningSettings) else ""
+            alike.setdefault((told.kind, told.sources.family.name, method), []).append(at)
     words = [""] * len(entries)
     for (_, _, method), places in alike.items():
         for at, own in zip(
-            places, distinctions([with_seed(entries[at].spec) for at in places], labelled=False), strict=True
+            places,
+            distinctions([with_seed(told) for at in places if (told := there[at])], labelled=False),
+            strict=True,
         ):
             words[at] = own if _dashed(method) in _dashed(entries[at].path.stem) else with_words(method, own)
     return words
@@ -137,12 +146,14 @@ def _dashed(label: str) -> str:
 
 
 def _row(entry: Description) -> dict[str, Any]:
-    settings = entry.spec.get("sources", entry.spec)  # a fit keeps its sources' settings
-    wanted = settings.get("tasks")
+    from qinit_cli.artefacts.opening import settings_of
+
+    settings = settings_of(entry)
+    wanted = None if settings is None else settings.sources.tasks
     return {
         "kind": entry.kind,
         "name": entry.path.stem,
-        "family": settings.get("family", {}).get("name", ""),
+        "family": "" if settings is None else settings.sources.family.name,
         "tasks": wanted if entry.kind in KINDS and not KINDS[entry.kind].by_task else entry.tasks,
         "made": entry.provenance.get("time", "")[:16].replace("T", " "),
         "megabytes": entry.size / 1e6 if entry.size else None,

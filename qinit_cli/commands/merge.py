@@ -35,7 +35,7 @@ def add_to(app: typer.Typer) -> None:
 
 def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     """Joins the shares, and prints the path of the whole."""
-    from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.opening import open_artefact, settings_of
     from qinit_cli.commands import references
     from qinit_cli.commands.rewriting import say_written
     from qinit_cli.pipeline.origin import plug_ins_behind, provenance
@@ -50,7 +50,8 @@ def merge(artefacts: list[str], rewriting: Rewriting, display: Display) -> None:
     references.check_not_read(target, paths)
     join(paths, target, origin, force=rewriting.force, opening=open_artefact)
     made = describe(target)
-    asked = made.spec.get("tasks", made.tasks)
+    settings = settings_of(made)
+    asked = made.tasks if settings is None else settings.sources.tasks
     sentence = f"{counted(made.tasks, 'task')} of {counted(len(paths), 'share')}"
     if made.tasks < asked:
         sentence += f"; {asked - made.tasks} of {asked} are in none of them"

@@ -59,6 +59,7 @@ def check_not_read(output: Path, read: Iterable[Path]) -> None:
 
 def _resolved(name: str, store: Store) -> Path:
     """The artefact's path; NotFound says how to go on with one that is unfinished."""
+    from qinit_cli.artefacts.opening import settings_of
     from qinit_store.errors import NotFound, Refused
     from qinit_store.wording import recorded_command
 
@@ -70,8 +71,10 @@ def _resolved(name: str, store: Store) -> Path:
         for entry in store.entries():
             if entry.state == "unfinished" and entry.path.stem == stem:
                 command = recorded_command(entry.provenance.get("command")) or "the command that began it"
+                settings = settings_of(entry)
+                wanted = "?" if settings is None else settings.sources.tasks
                 raise NotFound(
-                    f"{name} is unfinished: {entry.tasks} of {entry.spec.get('tasks', '?')} tasks; go on with {command}"
+                    f"{name} is unfinished: {entry.tasks} of {wanted} tasks; go on with {command}"
                 ) from None
         raise
 

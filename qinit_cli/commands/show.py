@@ -40,7 +40,7 @@ def add_to(app: typer.Typer) -> None:
 def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
     from qinit_cli.artefacts.opening import open_artefact
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
@@ -49,7 +49,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
         shown = KINDS[opened.kind].shown(opened)
         told = finite(_told(opened, shown))
         states = _states(opened)
-        warnings = outdated(opened.spec)
+        warnings = outdated(KINDS[opened.kind].read(opened.spec))
     for warning in warnings:
         note(display, f"warning: {warning}")
     match tabular.chosen:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -110,7 +110,7 @@ def transfer(
     tuned: Tuned = NOT_TUNED,
 ) -> None:
     """Learns what is missing of the targets asked for, publishes the run and prints its path."""
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
@@ -122,8 +122,8 @@ def transfer(
 
     known = Knowledge.read(references.one(fit, output.store, references.LEARNING, output=output.output))
     method, choice = tuned.applied(method, output, known.family)
-    targets, count = targets_of(learning, known.spec)
-    _say_overrides(targets.learning, known.learning, display)
+    targets, count = targets_of(learning, known.settings.sources)
+    _say_overrides(targets.learning, known.settings.sources.learning, display)
     _say_limits(method, known.fit, targets.family, display)
     initial, tables = initial_of(
         method, known, targets, count, output.keeping, machine, Printed(display), trial=output.dry_run
@@ -139,18 +139,23 @@ def transfer(
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
     made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
-    warn(made, targets.family.warning, [*outdated(known.spec), *of_targets(targets.learning, found)], display)
+    warn(
+        made,
+        targets.family.warning,
+        [*outdated(known.settings), *of_targets(targets.learning, found)],
+        display,
+    )
     already = f"{method.label}, {counted(made.tally.tasks, 'target')}: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
 
-def _say_overrides(learning: QLearning, sources: dict[str, Any], display: Display) -> None:
+def _say_overrides(learning: QLearning, sources: QLearning, display: Display) -> None:
     for name in FROM_SOURCES:
-        if getattr(learning, name) != sources[name]:
+        if getattr(learning, name) != getattr(sources, name):
             note(
                 display,
-                f"{name} {getattr(learning, name)}, where the sources were learned with {sources[name]}",
+                f"{name} {getattr(learning, name)}, where the sources were learned with {getattr(sources, name)}",
             )
 
 

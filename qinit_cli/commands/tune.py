@@ -106,7 +106,7 @@ def tune(
     """Tries every combination on the sources, keeps how each fared, and prints it."""
     from qinit_cli.artefacts.choice import Choice, sentences
     from qinit_cli.artefacts.opening import family_in, open_artefact
-    from qinit_cli.artefacts.specs import outdated
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import references
     from qinit_cli.pipeline.cross_validation import cross_validation_of, plan_of, tried
     from qinit_cli.pipeline.job import make
@@ -121,13 +121,13 @@ def tune(
         validation = cross_validation_of(source, candidates, validating)
         plan = plan_of(source, method, validation, values)
         if kept.dry_run:
-            _say_expected(plan, validation, output, machine, display)
+            _say_expected(plan, validation, values, output, machine, display)
             return
         made = make(plan, output.keeping, machine, Printed(display))
     with open_artefact(made.source, "tuning") as artefact:
         choice = Choice.of(artefact)
     _print(choice, made, tabular, display)
-    for warning in outdated(plan.spec):
+    for warning in outdated(plan.settings):
         note(display, f"warning: {warning}")
     for said in sentences(choice, made.path):
         note(display, said)
@@ -156,7 +156,12 @@ def _asked(kind: type[Method], grid: Any, several: Any, fixed: Any) -> tuple[Met
 
 
 def _say_expected(
-    plan: Plan, validation: CrossValidation, output: Output, machine: Machine, display: Display
+    plan: Plan,
+    validation: CrossValidation,
+    values: Grid,
+    output: Output,
+    machine: Machine,
+    display: Display,
 ) -> None:
     """What it would take, by a few sources under a few of the candidates, all their episodes."""
     import numpy as np
@@ -171,8 +176,8 @@ def _say_expected(
     usable = np.flatnonzero(validation.fold >= 0)
     trial = replace(
         plan,
-        spec={**plan.spec, "tasks": TRIAL_TASKS},
-        schema=tuning_schema(tuple(plan.spec["grid"]), len(some)),
+        settings=replace(plan.settings, tasks=TRIAL_TASKS),
+        schema=tuning_schema(tuple(values), len(some)),
         learn=lambda ids, watch: fewer(usable[ids], watch),
     )
     episodes = validation.targets.learning.episodes

@@ -7,9 +7,12 @@ name is a hash.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
+
+if TYPE_CHECKING:
+    from qinit_cli.artefacts.settings import Settings, SourceSet, StoredFamily
 
 Spec = Mapping[str, Any]
 # settings such as "gamma 0.9" by a key; those of the same key are compared
@@ -23,19 +26,28 @@ OF_METHOD, OF_RECORD, OF_SOURCES = "method", "recorded", "sources"  # how the ke
 THEIRS = "sources' "
 
 
-def settings(spec: Spec, *, reads_sources: bool = True, labelled: bool = True) -> Words:
-    """The settings of an artefact in words.
+def settings(told: Settings | SourceSet, *, reads_sources: bool = True, labelled: bool = True) -> Words:
+    """The settings of an artefact in words; of a source set those of the fit that its replicates share.
 
     Learning settings are compared within a family, a method's options among methods of one label, which names some of them; so
     are a family's own where its label names the artefact (`labelled`). The settings of its sources belong to a fit, and to a run
     whose method `reads_sources`.
     """
+    from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, TuningSettings
+
     found: Words = {}
-    if "sources" in spec:
-        found |= settings({**spec["sources"], "kind": "sources"}, labelled=labelled)
-    elif "source_set" in spec and reads_sources:
-        found |= _of_sources(spec["source_set"], spec.get("family"))
-    return found | dict(_own(spec, labelled=labelled))
+    match told:
+        case FitSettings() | TuningSettings():
+            found |= settings(told.sources, labelled=labelled)
+        case RunSettings() if reads_sources:
+            found |= _of_sources(told.source_set, told.family)
+        case SourceSet():
+            found |= dict(_own(_drawn(told), told.family, labelled=labelled))
+            return found | dict(
+                _own({name: getattr(told.fitted, name) for name in told.given}, None, labelled=labelled)
+            )
+    family = None if isinstance(told, FitSettings) else told.family
+    return found | dict(_own(told.spec(), family, labelled=labelled))
 
 
 def told_apart(found: Sequence[Words]) -> list[Words]:
@@ -54,12 +66,12 @@ def joined(words: Words) -> str:
     return ", ".join(dict.fromkeys(words.values()))
 
 
-def distinctions(specs: Sequence[Spec], *, labelled: bool = True) -> list[str]:
+def distinctions(several: Sequence[Settings | SourceSet], *, labelled: bool = True) -> list[str]:
     """The settings that distinguish each of these artefacts, "" where none does; `labelled` as in `settings`.
 
     Settings that change no number, such as --keep-q, are left out.
     """
-    apart = told_apart([settings(spec, labelled=labelled) for spec in specs])
+    apart = told_apart([settings(told, labelled=labelled) for told in several])
     return [
         joined({key: word for key, word in words.items() if not key.startswith(OF_RECORD)}) for words in apart
     ]
@@ -80,30 +92,29 @@ def above_words(name: str, words: str) -> str:
     return f"{name}\n{words}" if words else name
 
 
-def _own(spec: Spec, *, labelled: bool) -> Iterator[tuple[str, str]]:
-    family = spec.get("family", {})
-    within = family.get("name", "")
-    label = _label(spec) if family and labelled else f"{within} family"
-    for name, value in _flat({key: part for key, part in family.items() if key != "name"}):
-        yield f"{label} {name}", _word(name, value)
-    for name, value in spec.items():
+def _drawn(told: SourceSet) -> Spec:
+    shared = told.shared()
+    return {"kind": "sources", **{name: shared[name] for name in ("family", "learner", "learning", "tasks")}}
+
+
+def _own(plain: Spec, family: StoredFamily | None, *, labelled: bool) -> Iterator[tuple[str, str]]:
+    within = "" if family is None else family.name
+    if family is not None:
+        label = family.label if labelled else f"{within} family"
+        for name, value in _flat(family.options):
+            yield f"{label} {name}", _word(name, value)
+    for name, value in plain.items():
         if name not in APART:
-            noun = KINDS[spec["kind"]].counted if name == "tasks" and spec.get("kind") in KINDS else name
+            noun = KINDS[plain["kind"]].counted if name == "tasks" and plain.get("kind") in KINDS else name
             yield (
                 f"{OF_RECORD if name in RECORDED else within} {name}",
                 _word(noun, value, counted=name == "tasks"),
             )
-    for name, value in _flat(spec.get("learning", {})):
+    for name, value in _flat(plain.get("learning", {})):
         yield f"{within} learning {name}", _word(name, value)
-    method = spec.get("method", {})
+    method = plain.get("method", {})
     for name, value in _flat({key: part for key, part in method.items() if key not in ("name", "label")}):
         yield f"{OF_METHOD} {method.get('label')} {name}", _word(name, value)
-
-
-def _label(spec: Spec) -> str:
-    from qinit_cli.environments import label_of  # here: the help of plots loads this module, and no family
-
-    return label_of(spec)
 
 
 def _said_already(key: str, words: Words) -> bool:
@@ -113,18 +124,16 @@ def _said_already(key: str, words: Words) -> bool:
     )
 
 
-def _of_sources(fitted: Spec, targets: Any) -> Words:
+def _of_sources(fitted: SourceSet, targets: StoredFamily) -> Words:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
-    found: Words = {}
-    within = f"{OF_SOURCES} {fitted.get('family', {}).get('name', '')}"
-    if "family" in fitted:
-        found[f"{within} family"] = (
-            "unshifted" if fitted["family"] == targets else f"sources of {_label(fitted)}"
-        )
-    for name, value in _flat(fitted.get("learning", {})):
+    within, own = f"{OF_SOURCES} {fitted.family.name}", fitted.family
+    unshifted = own.spec() == targets.spec()
+    found: Words = {f"{within} family": "unshifted" if unshifted else f"sources of {own.label}"}
+    shared = fitted.shared() | ({} if fitted.seed is None else {"seed": fitted.seed})
+    for name, value in _flat(shared["learning"]):
         found[f"{within} learning {name}"] = f"{THEIRS}{_word(name, value)}"
-    for name, value in fitted.items():
-        if name not in (*APART, "sources"):
+    for name, value in shared.items():
+        if name not in APART:
             theirs = THEIRS if name == "seed" else ""
             word = _word("sources" if name == "tasks" else name, value, counted=name == "tasks")
             found[f"{within} {name}"] = theirs + word

@@ -18,7 +18,6 @@ from qinit_cli.comparison.estimates import Estimates, estimates
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, Scores, attainable, scores
 from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped, told_of_groups
-from qinit_cli.environments import label_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_store.wording import noun
@@ -94,7 +93,7 @@ def _comparison(group: RunGroup, title: str, baseline: str, metric: Metric) -> G
     targets, episodes = group.any_run.steps.shape
     return GroupComparison(
         title=title,
-        distribution=canonical_json(group.any_run.spec["family"]),
+        distribution=canonical_json(group.any_run.settings.family.spec()),
         intervals=_intervals(group),
         sets=group.sets,
         targets=targets,
@@ -117,7 +116,7 @@ def _titles(groups: Sequence[RunGroup]) -> list[str]:
 def _title(group: RunGroup, words: Words) -> str:
     """The distribution, `words` but for what is told of the targets, and the targets."""
     targets, episodes = group.any_run.steps.shape
-    anywhere = ", from anywhere" if group.any_run.spec["learning"].get("start") == "anywhere" else ""
+    anywhere = ", from anywhere" if group.any_run.settings.learning.start == "anywhere" else ""
     counted = f"{episodes} {noun(episodes, group.any_run.unit.removesuffix('s'))}{anywhere}"
     said = {"seed", "tasks", "learning start"} | (
         {"learning episodes"} if group.any_run.unit == "episodes" else set()
@@ -127,12 +126,12 @@ def _title(group: RunGroup, words: Words) -> str:
         for key, word in words.items()
         if key.startswith(OF_SOURCES) or key.partition(" ")[2] not in said
     }
-    label = with_words(label_of(group.any_run.spec), joined(others))
+    label = with_words(group.any_run.settings.family.label, joined(others))
     told = f"{targets} {noun(targets, 'target')}"
     if not group.shared:
         return f"{label}, {group.sets} source sets, {told} of each, {counted}"
     sets = "" if group.sets == 1 else f"{group.sets} source sets, "
-    return f"{label}, {sets}{told} of seed {group.any_run.spec['seed']}, {counted}"
+    return f"{label}, {sets}{told} of seed {group.any_run.settings.seed}, {counted}"
 
 
 def _check_baseline(comparisons: list[GroupComparison], baseline: str) -> None:
@@ -197,7 +196,7 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
         [scored[other.name] for other in others] if whole else None,
         metric,
         Resampling(group.shared),
-        int(group.any_run.spec["seed"]),
+        group.any_run.settings.seed,
     )
     return Row(
         **vars(found),

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments import FAMILIES, family_of
+from qinit_cli.artefacts.settings import RunSettings, StoredFamily
 from qinit_cli.errors import NotAllowed
-from qinit_cli.methods.stored import is_plus, reads_sources
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ class ComparedRun:
     name: str  # the artefact's, without its ending
     method: str
     label: str  # the method, with what it starts from
-    spec: dict[str, Any]
+    settings: RunSettings
     steps: NDArray[np.int32]  # (T, E)
     reached: Flags  # (T, E)
     attainable: Floats | None  # (T,) exact value of what learning comes to; None where no exact table exists
@@ -45,32 +44,32 @@ class ComparedRun:
     @property
     def plus(self) -> bool:
         """Whether the method starts from another."""
-        return is_plus(self.spec["method"])
+        return self.settings.method.plus
 
     @property
     def reads_sources(self) -> bool:
         """Whether other sources would make the method start otherwise."""
-        return reads_sources(self.spec["method"])
+        return self.settings.method.reads_sources
 
     @property
     def gamma(self) -> float:
         """The discount of its returns."""
-        return float(self.spec["learning"]["gamma"])
+        return self.settings.learning.gamma
 
     @property
     def horizon(self) -> int:
         """The longest an episode may take."""
-        return int(self.spec["learning"]["horizon"])
+        return self.settings.learning.horizon
 
     @property
     def source_set(self) -> str:
         """The content hash of the sources whose fit it started from."""
-        return str(self.spec["source_set"]["sources"])
+        return self.settings.source_set.content
 
     @property
     def fitted(self) -> dict[str, Any]:
         """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
-        return {name: value for name, value in self.spec["source_set"].items() if name != "sources"}
+        return self.settings.source_set.shared()
 
     def first(self, count: int) -> ComparedRun:
         """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""
@@ -79,7 +78,7 @@ class ComparedRun:
         drawn = tuple(values[:count] for values in self.drawn)
         return replace(
             self,
-            spec={**self.spec, "tasks": count},
+            settings=replace(self.settings, tasks=count),
             steps=self.steps[:count],
             reached=self.reached[:count],
             attainable=None if self.attainable is None else self.attainable[:count],
@@ -87,13 +86,13 @@ class ComparedRun:
             evaluation_steps=None if self.evaluation_steps is None else self.evaluation_steps[:count],
             evaluation_reached=None if self.evaluation_reached is None else self.evaluation_reached[:count],
             drawn=drawn,
-            target_digest=_target_digest(self.spec, drawn),
+            target_digest=_target_digest(self.settings, drawn),
         )
 
     def greedy(self) -> ComparedRun:
         """The greedy evaluations as if they were the episodes; NotAllowed where there are none."""
         if self.evaluation_steps is None or self.evaluation_reached is None:
-            if self.spec.get("evaluate_every"):
+            if self.settings.evaluate_every:
                 raise NotAllowed(
                     f"{self.name} was made by a version that kept of greedy evaluations only what they earn, not their steps; "
                     "the command that made it makes it again with --force"
@@ -110,8 +109,8 @@ class ComparedRun:
     @classmethod
     def from_artefact(cls, artefact: Artefact) -> ComparedRun:
         """The run in an artefact, every task's digest verified."""
-        spec = artefact.spec
-        parameters = _parameters(spec)
+        settings = RunSettings.read(artefact.spec)
+        parameters = _parameters(settings.family)
         names = {column.name for column in artefact.schema.task_columns}
         there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached"))
         wanted = ("steps", "reached", *parameters, *there)
@@ -119,16 +118,16 @@ class ComparedRun:
         drawn = (artefact.tasks, *(rows[name] for name in parameters))
         return cls(
             name=artefact.path.stem,
-            method=spec["method"]["name"],
-            label=spec["method"]["label"],
-            spec=spec,
+            method=settings.method.name,
+            label=settings.method.label,
+            settings=settings,
             steps=rows["steps"],
             reached=rows["reached"].astype(bool),
             attainable=rows.get("v_eps"),
             v_star=rows.get("v_star"),
             evaluation_steps=rows.get("eval_steps"),
             evaluation_reached=rows["eval_reached"].astype(bool) if "eval_reached" in names else None,
-            target_digest=_target_digest(spec, drawn),
+            target_digest=_target_digest(settings, drawn),
             drawn=drawn,
         )
 
@@ -148,19 +147,17 @@ def read_runs(paths: Iterable[Path]) -> list[ComparedRun]:
     ]
 
 
-def _parameters(spec: dict[str, Any]) -> list[str]:
+def _parameters(family: StoredFamily) -> list[str]:
     """What its tasks are made of; nothing where the family is a plug-in that is not installed: settings and seed say it too."""
-    if spec["family"]["name"] not in FAMILIES:
-        return []
-    return [parameter.name for parameter in family_of(spec).parameters()]
+    return [] if family.here is None else [parameter.name for parameter in family.here.parameters()]
 
 
-def _target_digest(spec: dict[str, Any], drawn: Sequence[NDArray[Any]]) -> str:
+def _target_digest(settings: RunSettings, drawn: Sequence[NDArray[Any]]) -> str:
     """SHA-256 of what makes targets the same to every method: the draws, the streams' seed, and how a return is counted."""
     from qinit_store.spec import canonical_json
 
-    met = {name: spec["learning"][name] for name in ("gamma", "episodes", "horizon", "start")}
-    digest = hashlib.sha256(canonical_json([spec["family"], spec["seed"], met]).encode())
+    met = {name: getattr(settings.learning, name) for name in ("gamma", "episodes", "horizon", "start")}
+    digest = hashlib.sha256(canonical_json([settings.family.spec(), settings.seed, met]).encode())
     for column in drawn:
         digest.update(column.tobytes())
     return digest.hexdigest()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class Entry:
     @property
     def settings(self) -> Words:
         """What all of its runs share."""
-        found = [settings(run.spec, reads_sources=self.reads_sources) for run in self.runs]
+        found = [settings(run.settings, reads_sources=self.reads_sources) for run in self.runs]
         return {key: word for key, word in found[0].items() if all(one.get(key) == word for one in found)}
 
 
@@ -195,7 +195,8 @@ def _entries(runs: list[ComparedRun]) -> tuple[Entry, ...]:
 
 def _options(run: ComparedRun) -> tuple[str, str, str, str]:
     fitted = run.fitted if run.reads_sources else {}
-    return run.label, _canonical(run.spec["method"]), _canonical(run.spec["learning"]), _canonical(fitted)
+    told = run.settings
+    return run.label, _canonical(told.method.spec()), _canonical(asdict(told.learning)), _canonical(fitted)
 
 
 def _sets(runs: Sequence[ComparedRun]) -> int:
@@ -203,8 +204,9 @@ def _sets(runs: Sequence[ComparedRun]) -> int:
 
 
 def _distribution(run: ComparedRun) -> tuple[str, str, tuple[int, ...]]:
-    met = {name: value for name, value in run.spec["learning"].items() if name not in ("alpha", "epsilon")}
-    return _canonical(run.spec["family"]), _canonical(met), run.steps.shape
+    learning = asdict(run.settings.learning)
+    met = {name: value for name, value in learning.items() if name not in ("alpha", "epsilon")}
+    return _canonical(run.settings.family.spec()), _canonical(met), run.steps.shape
 
 
 def _by(runs: Sequence[ComparedRun], key: Any) -> list[list[ComparedRun]]:

@@ -86,7 +86,7 @@ class Importing:
 
 
 def travelling(learn: Learn, family: Mapping[str, Any]) -> Learn:
-    """The learner as another process may take it, with this family (its settings): only environments need the modules."""
+    """The learner as another process may take it, with a family of these options: only environments need the modules."""
     return Importing(tuple(_NAMED), learn) if _NAMED and "env_id" in family else learn
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qinit_cli.errors import TasksFailed
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
@@ -16,6 +16,7 @@ from qinit_cli.pipeline.reporter import Reporter
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from qinit_cli.artefacts.settings import Settings, SourcesSettings
     from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.tasks import TargetTasks
@@ -57,11 +58,12 @@ class Place:
     """Where an artefact belongs."""
 
     path: Path
-    spec: Mapping[str, Any]
+    settings: Settings
 
     @property
     def complete(self) -> bool:
         """Whether it stands there, whole and with these settings."""
+        from qinit_cli.artefacts.settings import FitSettings
         from qinit_store.errors import StoreError
         from qinit_store.reading import describe
         from qinit_store.spec import canonical_json
@@ -72,8 +74,8 @@ class Place:
             there = describe(self.path)
         except StoreError:
             return False
-        same = canonical_json(there.spec) == canonical_json(self.spec)
-        return same and there.tasks == self.spec.get("tasks", there.tasks)
+        same = canonical_json(there.spec) == canonical_json(self.settings.spec())
+        return same and (isinstance(self.settings, FitSettings) or there.tasks == self.settings.tasks)
 
 
 @dataclass
@@ -86,7 +88,7 @@ class Maker:
 
     def place(self, artefact: Artefact, paths: Mapping[Artefact, Path]) -> Place:
         """Where it belongs, given the `paths` of what it is made from, which must stand there."""
-        from qinit_cli.artefacts import specs
+        from qinit_cli.artefacts.settings import FitSettings, RunSettings
         from qinit_cli.pipeline import fitting
         from qinit_cli.pipeline.job import place
         from qinit_cli.pipeline.transfer import stem_of
@@ -95,15 +97,18 @@ class Maker:
         match artefact:
             case PlannedSources():
                 plan = sources_plan(artefact)
-                return Place(place(plan, self.keeping, self.machine), plan.spec)
+                return Place(place(plan, self.keeping, self.machine), plan.settings)
             case PlannedFit():
                 return Place(*fitting.place(paths[artefact.sources], artefact.options, self.keeping))
             case PlannedRun():
                 fit = describe(paths[artefact.fit])
-                targets = targets_of_run(artefact, fit.spec)
-                spec = specs.run(artefact.method, targets, artefact.tasks, fit.content_sha256, fit.spec)
+                fitted = FitSettings.read(fit.spec)
+                targets = targets_of_run(artefact, fitted.sources)
+                settings = RunSettings.of(
+                    artefact.method, targets, artefact.tasks, fit.content_sha256, fitted
+                )
                 stem = stem_of(artefact.method, targets, artefact.tasks)
-                return Place(target_path(self.keeping, "run", stem, spec), spec)
+                return Place(target_path(self.keeping, stem, settings), settings)
 
     def make(self, artefact: Artefact, paths: Mapping[Artefact, Path], reporter: Reporter) -> Made:
         """The artefact, made as far as it is missing; TasksFailed where a task failed."""
@@ -135,7 +140,7 @@ class Maker:
 
         known = self._knowledge(fit)
         keeping = replace(self.keeping, command=tuple(run_command(run, fit, str(self.keeping.store))))
-        targets = targets_of_run(run, known.spec)
+        targets = targets_of_run(run, known.settings.sources)
         initial, tables = initial_of(run.method, known, targets, run.tasks, keeping, self.machine, reporter)
         plan = plan_of(run.method, targets, initial, run.tasks, known, tables)
         return make(plan, keeping, self.machine, reporter)
@@ -157,10 +162,10 @@ def sources_plan(sources: PlannedSources) -> Plan:
     return plan_of(tasks_of(sources.family, learning), sources.tasks)
 
 
-def targets_of_run(run: PlannedRun, fitted: dict[str, Any]) -> TargetTasks:
-    """Its targets, as `qinit transfer` has them, given the spec of the fit."""
+def targets_of_run(run: PlannedRun, sources: SourcesSettings) -> TargetTasks:
+    """Its targets, as `qinit transfer` has them, given the sources of the fit."""
     from qinit_cli.pipeline.asked import LearningTargets
     from qinit_cli.pipeline.transfer import targets_of
 
-    targets, _ = targets_of(LearningTargets(tasks=run.tasks, episodes=run.episodes), fitted)
+    targets, _ = targets_of(LearningTargets(tasks=run.tasks, episodes=run.episodes), sources)
     return targets

@@ -7,14 +7,15 @@ families' own learning options and counts of tasks.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, SourcesSettings, plain_learning
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting, noise, variance
-from qinit_cli.environments import Family, family_of
+from qinit_cli.environments import Family
+from qinit_cli.fitted import FitOptions
 from qinit_cli.learning import QLearning
 
-Spec = Mapping[str, Any]
 Differences = dict[str, Any]  # by name
 
 DISTRIBUTION = {GRIDWORLD: ("goals", "variance", "mean"), MOUNTAIN_CAR: ("noise",)}  # the fields that span it
@@ -22,35 +23,34 @@ LARGER_OR_EQUAL = ("size", "bins")  # fields in which less is smaller than the p
 PLAIN_FIT = {"estimator": "mle", "library": 100, "holdout": 0, "exclude_unlearned": False}
 
 
-def of_sources(spec: Spec) -> Setting:
+def of_sources(told: SourcesSettings) -> Setting:
     """What sources are evidence of."""
-    family = family_of(spec)
-    return _setting(family, _texts(_source_differences(spec)), _sources_full(spec, family))
+    return _setting(told.family.installed(), _texts(_source_differences(told)), _sources_full(told))
 
 
-def of_fit(spec: Spec) -> Setting:
+def of_fit(told: FitSettings) -> Setting:
     """What a fit is evidence of."""
-    family = family_of(spec["sources"])
-    differences = _source_differences(spec["sources"]) | _fit_differences(spec)
-    return _setting(family, _texts(differences), _sources_full(spec["sources"], family))
+    differences = _source_differences(told.sources) | _fit_differences(told.options)
+    return _setting(told.sources.family.installed(), _texts(differences), _sources_full(told.sources))
 
 
-def of_run(spec: Spec, sources: Spec | None) -> Setting:
-    """What a run is evidence of, by its spec and that of its source set; None where its method reads no sources."""
-    family = family_of(spec)
-    target = _learning_differences(spec["learning"], family.target_learning)
-    if spec["tasks"] != family.target_tasks:
-        target["tasks"] = spec["tasks"]
-    full = spec["tasks"] >= family.target_tasks and _episodes(spec) >= family.target_learning.episodes
+def of_run(told: RunSettings, sources: SourceSet | None) -> Setting:
+    """What a run is evidence of, by its settings and its source set; None where its method reads no sources."""
+    family = told.family.installed()
+    usual = family.target_learning
+    target = _learning_differences(asdict(told.learning), usual)
+    if told.tasks != family.target_tasks:
+        target["tasks"] = told.tasks
+    full = told.tasks >= family.target_tasks and told.learning.episodes >= usual.episodes
     source: Differences = {}
     if sources is not None:
-        own = family_of(sources)
-        source = _source_differences(sources) | _fit_differences(sources)
-        full = full and _sources_full(sources, own)
+        own = sources.family.installed()
+        source = _source_differences(sources) | _fit_differences(sources.fitted)
+        full = full and _sources_full(sources)
         if own != family:
             source[f"sources of {own.label}"] = None
     both = {name: value for name, value in target.items() if source.get(name) == value}
-    told = [
+    words = [
         *_texts({name: value for name, value in source.items() if name in both or name not in target}),
         *(
             f"source {text}"
@@ -58,12 +58,12 @@ def of_run(spec: Spec, sources: Spec | None) -> Setting:
         ),
         *(f"target {text}" for text in _texts({n: v for n, v in target.items() if n not in both})),
     ]
-    return _setting(family, told, full)
+    return _setting(family, words, full)
 
 
-def known(spec: Spec) -> bool:
+def known(told: SourcesSettings | RunSettings) -> bool:
     """Whether the claims are about its family."""
-    return spec["family"]["name"] in DISTRIBUTION
+    return told.family.name in DISTRIBUTION
 
 
 def _setting(family: Family, told: list[str], full: bool) -> Setting:
@@ -95,31 +95,28 @@ def _world_differences(family: Any) -> Iterator[str]:
         yield f"mean {family.mean:g}"
 
 
-def _source_differences(spec: Spec) -> Differences:
-    family = family_of(spec)
-    differences: Differences = {"exact sources": None} if spec["learner"] == "exact" else {}
-    differences |= _learning_differences(spec["learning"], family.source_learning)
-    if spec["tasks"] != family.source_tasks:
-        differences["source tasks"] = spec["tasks"]
+def _source_differences(told: SourcesSettings | SourceSet) -> Differences:
+    family = told.family.installed()
+    differences: Differences = {"exact sources": None} if told.learner == "exact" else {}
+    differences |= _learning_differences(plain_learning(told.learning, told.learner), family.source_learning)
+    if told.tasks != family.source_tasks:
+        differences["source tasks"] = told.tasks
     return differences
 
 
-def _fit_differences(spec: Spec) -> Differences:
-    return {name: spec[name] for name, usual in PLAIN_FIT.items() if spec.get(name, usual) != usual}
+def _fit_differences(options: FitOptions) -> Differences:
+    return {name: value for name, usual in PLAIN_FIT.items() if (value := getattr(options, name)) != usual}
 
 
 def _learning_differences(learning: Mapping[str, Any], usual: QLearning) -> Differences:
     return {name: value for name, value in learning.items() if value != getattr(usual, name)}
 
 
-def _sources_full(spec: Spec, family: Family) -> bool:
+def _sources_full(told: SourcesSettings | SourceSet) -> bool:
     """Whether the sources are as many, and learned as long, as the paper's; exact ones are learned to the end."""
-    long_enough = spec["learner"] == "exact" or _episodes(spec) >= family.source_learning.episodes
-    return long_enough and int(spec["tasks"]) >= family.source_tasks
-
-
-def _episodes(spec: Spec) -> int:
-    return int(spec["learning"]["episodes"])
+    family = told.family.installed()
+    long_enough = told.learner == "exact" or told.learning.episodes >= family.source_learning.episodes
+    return long_enough and told.tasks >= family.source_tasks
 
 
 def _texts(differences: Differences) -> list[str]:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.artefacts.fit import FIT
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.artefacts.run import RUN
-from qinit_cli.artefacts.sources import SOURCES
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped
-from qinit_cli.environments import Family, family_of
+from qinit_cli.environments import Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FittedTables
 from qinit_cli.paper import settings as paper_settings
@@ -73,16 +71,19 @@ class _Read:
 
     def add(self, artefact: Artefact) -> None:
         """Keeps what claims ask of an artefact."""
-        read = {SOURCES.name: self._add_sources, FIT.name: self._add_fit, RUN.name: self._add_run}
-        of_claims = paper_settings.known(KINDS[artefact.kind].drawn(artefact.spec))
-        if artefact.kind in read and of_claims and artefact.spec.get("role", "source") == "source":
-            read[artefact.kind](artefact)
-        else:
-            self.passed_over.append(artefact.path.stem)
+        match told := KINDS[artefact.kind].read(artefact.spec):
+            case SourcesSettings(role="source") if paper_settings.known(told):
+                self._add_sources(artefact, told)
+            case FitSettings() if paper_settings.known(told.sources):
+                self._add_fit(artefact, told)
+            case RunSettings() if paper_settings.known(told):
+                self._add_run(artefact)
+            case _:
+                self.passed_over.append(artefact.path.stem)
 
-    def _add_sources(self, artefact: Artefact) -> None:
-        family = family_of(artefact.spec)
-        key = (paper_settings.of_sources(artefact.spec), artefact.content_sha256)
+    def _add_sources(self, artefact: Artefact, told: SourcesSettings) -> None:
+        family = told.family.installed()
+        key = (paper_settings.of_sources(told), artefact.content_sha256)
         if key in self.values:
             return
         q, eopl = _at_states(artefact, [_place(family, places) for places in family.shown_states()])
@@ -90,14 +91,14 @@ class _Read:
         if family.name == MOUNTAIN_CAR:
             self.lengths[key] = _lengths(q[:, 0], eopl[:, 0])
 
-    def _add_fit(self, artefact: Artefact) -> None:
-        family = family_of(artefact.spec["sources"])
-        key = (paper_settings.of_fit(artefact.spec), artefact.spec["inputs"][0])
-        if artefact.spec.get("eopl_normality", "none") == "rounded" and key not in self.tested:
+    def _add_fit(self, artefact: Artefact, told: FitSettings) -> None:
+        family = told.sources.family.installed()
+        key = (paper_settings.of_fit(told), told.content)
+        if told.options.eopl_normality == "rounded" and key not in self.tested:
             self.tested[key] = _tested(artefact, family)
         if family.name == GRIDWORLD and key not in self.maps:
             try:
-                self.maps[key] = _maps(artefact, family)
+                self.maps[key] = _maps(artefact, family, told.options.estimator)
             except NotAllowed:  # an estimator without a median has no such map
                 return
 
@@ -184,7 +185,7 @@ def _among(probabilities: Floats) -> Any:
     return among
 
 
-def _maps(artefact: Artefact, family: Family) -> Maps:
+def _maps(artefact: Artefact, family: Family, estimator: str) -> Maps:
     from qinit_cli.claims.evidence import Maps
     from qinit_cli.claims.heatmaps import MAPPED
     from qinit_cli.methods.plus import initialisations
@@ -192,7 +193,7 @@ def _maps(artefact: Artefact, family: Family) -> Maps:
 
     names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
     arrays = {name: artefact.read(name) for name in names}
-    fit = FittedTables.from_arrays(arrays, family.goal_chances().size, artefact.spec["estimator"])
+    fit = FittedTables.from_arrays(arrays, family.goal_chances().size, estimator)
     methods = initialisations()
     return Maps(
         probabilities=family.goal_chances().reshape(family.shape),
@@ -219,7 +220,7 @@ def _of_group(group: RunGroup, averages: Mapping[str, Floats]) -> Iterator[tuple
     from qinit_store.spec import canonical_json
 
     def targets(entry: Entry) -> str:
-        return canonical_json(entry.runs[0].spec["learning"])
+        return canonical_json(asdict(entry.runs[0].settings.learning))
 
     reading: dict[tuple[str, str], list[Entry]] = {}
     free: dict[str, list[Entry]] = {}
@@ -229,12 +230,12 @@ def _of_group(group: RunGroup, averages: Mapping[str, Floats]) -> Iterator[tuple
         else:
             reading.setdefault((targets(entry), canonical_json(entry.runs[0].fitted)), []).append(entry)
     for (learning, _), entries in reading.items():
-        spec = entries[0].runs[0].spec
+        told = entries[0].runs[0].settings
         arms = _arms([*entries, *free.get(learning, [])], averages)
-        yield paper_settings.of_run(spec, spec["source_set"]), Arms(arms, group.shared)
+        yield paper_settings.of_run(told, told.source_set), Arms(arms, group.shared)
     for learning, entries in free.items():
         if not any(learning == other for other, _ in reading):
-            setting = paper_settings.of_run(entries[0].runs[0].spec, None)
+            setting = paper_settings.of_run(entries[0].runs[0].settings, None)
             yield setting, Arms(_arms(entries, averages), group.shared)
 
 

@@ -83,9 +83,9 @@ class LearningTargets:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: dict[str, Any]) -> QLearning:
+    def learning(self, family: Family, sources: QLearning) -> QLearning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
-        given = {name: sources[name] for name in FROM_SOURCES}
+        given = {name: getattr(sources, name) for name in FROM_SOURCES}
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
         return _changed(family.target_learning, given | asked)
@@ -142,9 +142,9 @@ class CrossValidating:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: dict[str, Any]) -> QLearning:
+    def learning(self, family: Family, sources: QLearning) -> QLearning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources; UsageError where that cannot be."""
-        given = {name: sources[name] for name in FROM_SOURCES}
+        given = {name: getattr(sources, name) for name in FROM_SOURCES}
         asked = {} if self.episodes is None else {"episodes": self.episodes}
         return _changed(family.target_learning, given | asked)
 

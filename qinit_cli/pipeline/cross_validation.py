@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.analysis import returns
-from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.choice import FOLDS, folds
 from qinit_cli.artefacts.opening import family_in
+from qinit_cli.artefacts.settings import SourcesSettings, TuningSettings
 from qinit_cli.artefacts.tuning import tuning_schema
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables
@@ -68,12 +68,13 @@ def plan_for(source: Artefact, method: Method, values: Grid, validating: CrossVa
 def plan_of(source: Artefact, method: Method, validation: CrossValidation, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
     family, tried = validation.targets.family, validation.candidates
-    spec = specs.tuning(
-        method, values, validation.targets, source.spec, source.content_sha256, source.task_count
+    sources = SourcesSettings.read(source.spec)
+    settings = TuningSettings.of(
+        method, values, validation.targets, sources, source.content_sha256, source.task_count
     )
     return Plan(
         stem=f"{family.label}-{method.name}-{source.task_count}",
-        spec=spec,
+        settings=settings,
         schema=tuning_schema(tuple(values), len(tried)),
         learn=validation,
         kernel=f"{family.name} targets",
@@ -89,8 +90,8 @@ def cross_validation_of(
     source: Artefact, tried: list[Method], validating: CrossValidating
 ) -> CrossValidation:
     """The learner, with a fit of all other sources for each fold."""
-    family, fitting = family_in(source), FitOptions()
-    learning = validating.learning(family, source.spec["learning"])
+    family, fitting, settings = family_in(source), FitOptions(), SourcesSettings.read(source.spec)
+    learning = validating.learning(family, settings.learning)
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(
@@ -104,7 +105,7 @@ def cross_validation_of(
         others = replace(selection, kept=selection.kept & (fold != number))
         blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
         fits.append(FittedTables.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
-    targets = TargetTasks(family, learning, int(source.spec["seed"]), False, streams=VALIDATION)
+    targets = TargetTasks(family, learning, settings.seed, False, streams=VALIDATION)
     return CrossValidation(targets, tried, fits, fold)
 
 

@@ -65,14 +65,14 @@ def of_sources(learner: str, learning: QLearning, found: SourcesLearned) -> Iter
         yield f"the sources are far from learned, by {found.error:.0%} in the median; ask for more --episodes"
 
 
-def of_fit(spec: Mapping[str, Any], arrays: Mapping[str, Any]) -> Iterator[str]:
-    """Why a fit with these arrays tells nothing; `spec` is its own."""
+def of_fit(gamma: float, arrays: Mapping[str, Any]) -> Iterator[str]:
+    """Why a fit with these arrays tells nothing, of sources with this discount."""
     known = np.asarray(arrays["n"]) > 0
     if not known.any():
         yield "no source has a value above 0 anywhere: there is nothing to transfer"
         return
     least, largest = float(arrays["min"][known].min()), float(arrays["max"][known].max())
-    yield from _of_values(float(spec["sources"]["learning"]["gamma"]), least, largest)
+    yield from _of_values(gamma, least, largest)
     several = np.asarray(arrays["n"]) > 1
     highest = arrays["max"][several]
     if not several.any():

@@ -95,7 +95,11 @@ def _saved(path: Path, plan: Plan, keeping: Keeping, *, share: bool) -> int:
     from qinit_store.catalog import Store
     from qinit_store.folder import tasks_saved, work_folder
 
-    relatives = [] if keeping.store is None else Store(keeping.store).relatives(plan.schema.kind, plan.spec)
+    relatives = (
+        []
+        if keeping.store is None
+        else Store(keeping.store).relatives(plan.schema.kind, plan.settings.spec())
+    )
     finished = [one.tasks for one in relatives if not share or one.path == path]
     return max(*finished, tasks_saved(work_folder(path)), 0)
 
@@ -122,6 +126,6 @@ def _compression(trial: Plan, rows: dict[str, Any]) -> float:
     ids = np.arange(trial.count)
     columns = checked(schema, schema.task_columns, rows, trial.count)
     digests = task_digests(schema.task_columns, ids, columns)
-    header = Header(f"qinit/{schema.kind}", trial.spec, {}, ())
+    header = Header(f"qinit/{schema.kind}", trial.settings.spec(), {}, ())
     size = len(image(header, schema, ids, digests, {**columns, "task_digest": digests}))
     return size / (schema.task_bytes * trial.count)

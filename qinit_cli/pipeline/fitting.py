@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.artefacts import specs
 from qinit_cli.artefacts.fit import fit_schema
 from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
-from qinit_cli.environments import Family, family_of
+from qinit_cli.artefacts.settings import FitSettings, SourcesSettings
+from qinit_cli.environments import Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions, FittedTables
-from qinit_cli.methods.plus import initialisations
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline import fit_statistics as statistics
 from qinit_cli.pipeline.fit import Selection
@@ -43,7 +42,7 @@ class Asked:
 
     family: Family
     stem: str  # of its default name
-    spec: dict[str, Any]
+    settings: FitSettings
     schema: Schema
     selection: Selection
     held: Flags  # (N,) the sources that are held out
@@ -54,10 +53,10 @@ class Asked:
         return int(self.selection.kept.sum())
 
 
-def place(source: Path | Held, fitting: FitOptions, keeping: Keeping) -> tuple[Path, dict[str, Any]]:
-    """Where the fit of these sources goes, and its spec."""
+def place(source: Path | Held, fitting: FitOptions, keeping: Keeping) -> tuple[Path, FitSettings]:
+    """Where the fit of these sources goes, and its settings."""
     asked = asked_of(source, fitting)
-    return target_path(keeping, "fit", asked.stem, asked.spec), asked.spec
+    return target_path(keeping, asked.stem, asked.settings), asked.settings
 
 
 def asked_of(source: Path | Held, fitting: FitOptions) -> Asked:
@@ -74,9 +73,9 @@ def make_fit(
     """The fit of the sources, made if need be, with its arrays by name."""
     with open_artefact(source, "sources") as sources:
         asked = _asked(sources, fitting)
-        origin = provenance(keeping.command, source, asked.spec)
-        target = target_path(keeping, "fit", asked.stem, asked.spec)
-        with working(target, asked.schema, asked.spec, keeping, origin) as artefact:
+        origin = provenance(keeping.command, source, asked.settings)
+        target = target_path(keeping, asked.stem, asked.settings)
+        with working(target, asked.schema, asked.settings, keeping, origin) as artefact:
             complete = artefact.complete
             if complete:
                 sources.check_tasks()  # which are fitted was read ahead
@@ -102,27 +101,21 @@ def make_fit(
 
 def _asked(source: Artefact, fitting: FitOptions) -> Asked:
     """What a fit of these sources is; NotAllowed where they are target tasks, or too few."""
-    # artefacts of the first version have no role: there were no others
-    if source.spec.get("role", "source") != "source":
+    settings = SourcesSettings.read(source.spec)
+    if settings.role != "source":
         raise NotAllowed(
             f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
         )
-    family = family_of(source.spec, source.provenance)
+    family = settings.family.installed(source.provenance)
     selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
     return Asked(
         family,
         f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
-        _spec(source, fitting),
+        FitSettings.of(settings, source.content_sha256, fitting),
         _schema(source, fitting, stage.library_size(selection, fitting)),
         selection,
         held,
     )
-
-
-def _spec(source: Artefact, fitting: FitOptions) -> dict[str, Any]:
-    """The fit's spec; the starts that are judged are those of the methods there are."""
-    spec = specs.fit(source.spec, [source.content_sha256], fitting)
-    return spec | {"initialisations": list(initialisations())} if fitting.holdout else spec
 
 
 def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
@@ -143,7 +136,8 @@ def _axes(source: Artefact) -> list[Axis]:
 def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progress) -> dict[str, Any]:
     """All that the fit holds, by name; `progress` counts the sources as they are read."""
     family, selection, held = asked.family, asked.selection, asked.held
-    origin = statistics.Origin(family, float(source.spec["learning"]["gamma"]), int(source.spec["seed"]))
+    sources = asked.settings.sources
+    origin = statistics.Origin(family, sources.learning.gamma, sources.seed)
     names = statistics.columns(fitting, family)
     sample = statistics.Sample(selection.kept, origin.seed, names)
     blocks = source.blocks(dict.fromkeys(("q", "td_var", "eopl", *names)), stage.BLOCK)
@@ -172,7 +166,8 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
     found = source.read_ahead([*(column.name for column in columns), "solved"])
     for column in columns:
         tasks[column.name] = found[column.name]
-    horizon = int(source.spec["learning"]["horizon"])
+    settings = SourcesSettings.read(source.spec)
+    horizon = settings.learning.horizon
     selection = stage.select(family, tasks, found["solved"].astype(bool), horizon, fitting)
     count = int(selection.kept.sum())
     if count - fitting.holdout < FEWEST_SOURCES:
@@ -180,7 +175,7 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
         left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
             f"{source.path} has {counted(count, 'source')} to fit{left_out} ({selection.unsolvable} cannot be solved, "
-            f"{selection.unlearned} {unlearned(source.spec)}); "
+            f"{selection.unlearned} {unlearned(settings)}); "
             f"a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
         )
     return selection
@@ -198,9 +193,8 @@ def _input(source: Artefact) -> dict[str, str]:
     return {"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}
 
 
-def unlearned(sources: Mapping[str, Any]) -> str:
+def unlearned(sources: SourcesSettings) -> str:
     """What is said, behind their number, of sources that could be solved but whose greedy path fails."""
-    if sources["learner"] == "exact":  # there was nothing to learn
-        horizon = sources["learning"]["horizon"]
-        return f"have a best policy that reaches the goal within {horizon} steps less than every other time"
+    if sources.learner == "exact":  # there was nothing to learn
+        return f"have a best policy that reaches the goal within {sources.learning.horizon} steps less than every other time"
     return "could be solved but were not learned"

@@ -22,6 +22,7 @@ from qinit_store.wording import counted, noun, shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
+    from qinit_cli.artefacts.settings import RunSettings, SourcesSettings, TuningSettings
     from qinit_cli.pipeline.workers import Crew, Learn
     from qinit_cli.watch import Watch
     from qinit_store.held import Held, HeldWork
@@ -53,7 +54,7 @@ class Plan:
     """An artefact of tasks that is to be made."""
 
     stem: str  # of its default name
-    spec: Mapping[str, Any]
+    settings: SourcesSettings | RunSettings | TuningSettings
     schema: Schema
     learn: Learn  # the rows of some tasks
     kernel: str  # name of the compiled code that it needs: one choice of kernel and features
@@ -69,7 +70,7 @@ class Plan:
     @property
     def count(self) -> int:
         """How many tasks there are."""
-        return int(self.spec["tasks"])
+        return self.settings.tasks
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,8 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
 
     check_artefact(Footprint.of(plan))
     path, asked = place(plan, keeping, machine), share_of(plan.count, *machine.share)
-    origin = provenance(keeping.command, plan.read, plan.spec)
-    with working(path, plan.schema, plan.spec, keeping, origin, tasks=asked) as artefact:
+    origin = provenance(keeping.command, plan.read, plan.settings)
+    with working(path, plan.schema, plan.settings, keeping, origin, tasks=asked) as artefact:
         complete = artefact.complete
         if complete:
             tally = Tally(len(asked), skipped=len(asked))
@@ -136,7 +137,7 @@ def place(plan: Plan, keeping: Keeping, machine: Machine) -> Path:
     """Where the artefact goes; a share of it has a name of its own."""
     share, shares = machine.share
     stem = plan.stem if shares == 1 else f"{plan.stem}-share-{share}-of-{shares}"
-    return target_path(keeping, plan.schema.kind, stem, plan.spec)
+    return target_path(keeping, stem, plan.settings)
 
 
 def share_of(count: int, share: int, shares: int) -> Integers:
@@ -150,7 +151,11 @@ def _take_over(artefact: Work, asked: Integers, plan: Plan, keeping: Keeping, re
     from qinit_store.catalog import Store
     from qinit_store.errors import Damaged, Refused
 
-    relatives = [] if keeping.store is None else Store(keeping.store).relatives(plan.schema.kind, plan.spec)
+    relatives = (
+        []
+        if keeping.store is None
+        else Store(keeping.store).relatives(plan.schema.kind, plan.settings.spec())
+    )
     for relative in relatives:
         before = len(artefact.saved)
         if set(asked) <= set(artefact.saved):
@@ -223,7 +228,9 @@ def _crew(plan: Plan, machine: Machine, watch: Watch) -> AbstractContextManager[
         from qinit_cli.environments.modules import travelling
         from qinit_cli.pipeline import cluster
 
-        return cluster.crew(machine.dask, travelling(plan.learn, plan.spec["family"]), watch, plan.schema)
+        return cluster.crew(
+            machine.dask, travelling(plan.learn, plan.settings.family.options), watch, plan.schema
+        )
     from qinit_cli.pipeline.workers import threads_here
 
     return threads_here(machine.threads, plan.learn, watch)

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qinit_cli.errors import UsageError
 from qinit_cli.output_file import check_one_line
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
+    from qinit_cli.artefacts.settings import Settings
     from qinit_store.held import HeldWork
     from qinit_store.schema import Schema
     from qinit_store.work import Work
@@ -36,15 +37,15 @@ class Keeping:
         return self.store is None and self.output is None
 
 
-def target_path(keeping: Keeping, kind: str, stem: str, spec: Mapping[str, Any]) -> Path:
-    """Where the artefact goes: the file asked for, else a name in the store made of what it is."""
+def target_path(keeping: Keeping, stem: str, settings: Settings) -> Path:
+    """Where the artefact with these settings goes: the file asked for, else a name in the store made of what it is."""
     path = keeping.output
     if path is None:
         from qinit_store.catalog import Store
 
         root = keeping.store or Path()
         check_one_line(root)
-        named = Store(root).path_for(kind, stem[:LONGEST_STEM].rstrip("-._"), spec)
+        named = Store(root).path_for(settings.kind, stem[:LONGEST_STEM].rstrip("-._"), settings.spec())
         return Path(named.name) if keeping.in_memory else named
     check_one_line(path)
     if path.suffix != ".h5":
@@ -55,7 +56,7 @@ def target_path(keeping: Keeping, kind: str, stem: str, spec: Mapping[str, Any])
 def working(
     path: Path,
     schema: Schema,
-    spec: Mapping[str, Any],
+    settings: Settings,
     keeping: Keeping,
     origin: Mapping[str, str],
     *,
@@ -66,7 +67,7 @@ def working(
     from qinit_store.work import open_work
 
     if keeping.in_memory:
-        return nullcontext(HeldWork(path, schema, spec))
+        return nullcontext(HeldWork(path, schema, settings.spec()))
     return open_work(
-        path, schema, dict(spec), tasks=tasks, force=keeping.force, wait=keeping.wait, provenance=origin
+        path, schema, settings.spec(), tasks=tasks, force=keeping.force, wait=keeping.wait, provenance=origin
     )

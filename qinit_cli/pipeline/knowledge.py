@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from qinit_cli.artefacts.opening import family_in, open_artefact
+from qinit_cli.artefacts.settings import FitSettings
 from qinit_cli.environments import Family
 from qinit_cli.fitted import FittedTables
 from qinit_store.held import Held
@@ -20,20 +20,19 @@ class Knowledge:
     source: Path | Held
     fit: FittedTables
     family: Family  # of the sources
-    learning: dict[str, Any]  # of the sources
     content_sha256: str
-    spec: dict[str, Any]  # of the fit
+    settings: FitSettings
 
     @classmethod
     def read(cls, source: Path | Held) -> Knowledge:
         """The fit in a file or in memory, verified."""
         with open_artefact(source, "fit") as artefact:
-            sources = artefact.spec["sources"]
+            settings = FitSettings.read(artefact.spec)
             family = family_in(artefact)
             names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
-            fit = FittedTables.from_arrays(arrays, math.prod(family.shape), artefact.spec["estimator"])
-            return cls(source, fit, family, sources["learning"], artefact.content_sha256, artefact.spec)
+            fit = FittedTables.from_arrays(arrays, math.prod(family.shape), settings.options.estimator)
+            return cls(source, fit, family, artefact.content_sha256, settings)
 
     @property
     def path(self) -> Path:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.analysis.moments import Moments, merged, moments
+from qinit_cli.artefacts.settings import RunSettings, StoredMethod
 from qinit_cli.elementary import ln
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FittedTables
@@ -171,11 +172,18 @@ def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: i
     """The run of so many targets, each started from what is known by then."""
     lifetime = Lifetime(method, targets, known.fit, living.visits)
     plain = plan_of(method, targets, lifetime.initial, count, known, [])
-    spec = dict(plain.spec)
     label = f"{method.label} updated"
-    spec["method"] = {**spec["method"], "label": label, "update": {"min_visits": living.visits}}
+    stored = replace(StoredMethod.of(method, targets.family), label=label, min_visits=living.visits)
+    settings = RunSettings.of(method, targets, count, known.content_sha256, known.settings)
 
     def begin(work: Work | HeldWork) -> None:
         lifetime.lived = work.row
 
-    return replace(plain, stem=f"{plain.stem}-updated", spec=spec, learn=lifetime, what=label, begin=begin)
+    return replace(
+        plain,
+        stem=f"{plain.stem}-updated",
+        settings=replace(settings, method=stored),
+        learn=lifetime,
+        what=label,
+        begin=begin,
+    )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.errors import TasksFailed
-from qinit_cli.learning import QLearning
 from qinit_cli.methods.targets import no_tables
 from qinit_cli.pipeline.job import make
 from qinit_cli.pipeline.keeping import Keeping
@@ -23,6 +22,7 @@ from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.methods import Initial, Method
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.tasks import TargetTasks
@@ -46,7 +46,7 @@ def initial_of(
     """
     if method.privileged:  # its arrays have a leading target axis
         check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
-    tables = OptimalTables(targets, count, known.learning, keeping, machine, reporter, trial)
+    tables = OptimalTables(targets, count, known.settings.sources, keeping, machine, reporter, trial)
     initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
     return initial, tables.inputs
 
@@ -57,7 +57,7 @@ class OptimalTables:
 
     targets: TargetTasks
     count: int
-    sources: dict[str, Any]  # how sources were learned: tables that must be learned are learned so
+    sources: SourcesSettings  # tables that must be learned are learned as these were
     keeping: Keeping  # of the run
     machine: Machine
     reporter: Reporter = SILENT
@@ -81,7 +81,7 @@ class OptimalTables:
         return q
 
     def _learned(self) -> Floats:
-        settings = replace(QLearning(**self.sources), gamma=self.targets.learning.gamma)
+        settings = replace(self.sources.learning, gamma=self.targets.learning.gamma)
         tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
         self.reporter.note(
             f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",

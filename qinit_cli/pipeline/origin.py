@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qinit_cli import __version__
 from qinit_cli.registry import PLUG_IN
 
 if TYPE_CHECKING:
+    from qinit_cli.artefacts.settings import Settings
     from qinit_store.held import Held
 
 
 def provenance(
-    command: Sequence[str], read: Path | Held | None = None, spec: Mapping[str, Any] = MappingProxyType({})
+    command: Sequence[str], read: Path | Held | None = None, settings: Settings | None = None
 ) -> dict[str, str]:
     """The words that make an artefact, `-` replaced by what was read, with the time, versions and platform.
 
-    Also which plug-ins had a part in what was read, or have one in what the `spec` names.
+    Also which plug-ins had a part in what was read, or have one in what the `settings` name.
     """
-    from qinit_cli.artefacts.specs import plug_ins
+    from qinit_cli.artefacts.settings import plug_ins
 
     typed = [str(_path_of(read)) if word == "-" and read is not None else word for word in command]
     return {
@@ -32,7 +32,7 @@ def provenance(
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         **_surroundings(),
         **({} if read is None else plug_ins_behind(read)),
-        **plug_ins(spec),
+        **({} if settings is None else plug_ins(settings)),
     }
 
 

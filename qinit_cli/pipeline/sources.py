@@ -36,14 +36,14 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:
     """The artefact that holds these tasks, learned to the end."""
-    from qinit_cli.artefacts import specs
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.pipeline.job import Plan
 
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
     return Plan(
         stem=f"{tasks.family.label}{'-exact' if exact else ''}{role}-{count}-seed-{tasks.seed}",
-        spec=specs.sources(tasks, count),
+        settings=SourcesSettings.of(tasks, count),
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
         kernel=f"{tasks.family.name} {'exact tables' if exact else 'sources'}",

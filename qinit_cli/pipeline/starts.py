@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from qinit_cli.learning import QLearning
 from qinit_cli.methods import Method
 from qinit_cli.pipeline.knowledge import Knowledge
 
@@ -34,7 +33,8 @@ class StartTable:
 def start_table(known: Knowledge, method: Method) -> StartTable:
     """The table of a method for the family of the fit; NotAllowed for a method that reads the target itself."""
     family = known.family
-    learning = QLearning(**known.learning) if "episodes" in known.learning else family.target_learning
+    sources = known.settings.sources
+    learning = family.target_learning if sources.learner == "exact" else sources.learning
     initial = method.initial_of_all(known.fit, family, learning)
     axes = {axis.name: _labels(axis.values) for axis in family.axes()}
     return StartTable(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.environments import family_of
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import UsageError
 from qinit_cli.methods import Initial, Method
@@ -17,6 +16,7 @@ from qinit_cli.tasks import TargetTasks
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.fitted import FittedTables
     from qinit_cli.pipeline.asked import LearningTargets
     from qinit_cli.pipeline.degenerate import TargetsLearned
@@ -27,13 +27,12 @@ if TYPE_CHECKING:
 EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
 
 
-def targets_of(learning: LearningTargets, fitted: dict[str, Any]) -> tuple[TargetTasks, int]:
-    """The target tasks that are asked for, given the spec of a fit, and how many; NotAllowed where no run could hold them."""
+def targets_of(learning: LearningTargets, sources: SourcesSettings) -> tuple[TargetTasks, int]:
+    """The target tasks that are asked for, given the sources of a fit, and how many; NotAllowed where no run could hold them."""
     from qinit_cli.pipeline.room import Footprint, check_artefact
 
-    sources = fitted["sources"]
-    family = learning.family(family_of(sources))
-    settings = learning.learning(family, sources["learning"])
+    family = learning.family(sources.family.installed())
+    settings = learning.learning(family, sources.learning)
     if refusal := family.refusal(settings):
         raise UsageError(refusal)
     targets = TargetTasks(
@@ -69,13 +68,13 @@ def plan_of(
     more: list[dict[str, str]],
 ) -> Plan:
     """The run of so many targets from what the method starts them with; `more` are inputs beside the fit."""
-    from qinit_cli.artefacts import specs
+    from qinit_cli.artefacts.settings import RunSettings
     from qinit_cli.pipeline.job import Plan
 
     inputs = [known.given, *more]
     return Plan(
         stem=stem_of(method, targets, count),
-        spec=specs.run(method, targets, count, known.content_sha256, known.spec),
+        settings=RunSettings.of(method, targets, count, known.content_sha256, known.settings),
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         kernel=_kernel(targets, initial),

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from qinit_cli.artefacts.choice import Choice
 from qinit_cli.artefacts.opening import open_artefact
-from qinit_cli.environments import Family, family_of
+from qinit_cli.artefacts.settings import TuningSettings
+from qinit_cli.environments import Family
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.methods import METHODS, Method
+from qinit_cli.methods import Method
 from qinit_cli.options import flag, options
 
 if TYPE_CHECKING:
@@ -27,28 +28,26 @@ Grid = dict[str, tuple[float, ...]]  # the values to try of each parameter
 
 def settings(artefact: Artefact) -> dict[str, Any]:
     """The options that a tuned method is to have: the chosen parameters, and what was given to tune besides."""
-    kind, family = METHODS[artefact.spec["method"]["name"]], family_of(artefact.spec)
-    defaults = {one.name: one.default for one in options(kind)}
-    stored = {name: artefact.spec["method"][name] for name in defaults}
-    if isinstance(stored.get("init"), dict):
-        stored["init"] = stored["init"]["name"]
-    method = kind(**stored)
+    told = TuningSettings.read(artefact.spec)
+    family, method = told.family.installed(), told.method.installed()
+    defaults = {one.name: one.default for one in options(type(method))}
     for name, default in defaults.items():  # what the family fills in stays with the family
         plainer = replace(method, **{name: default})  # type: ignore[type-var]  # every concrete method is a dataclass
         if plainer.on(family) == method.on(family):
             method = plainer
     given = {name: getattr(method, name) for name in defaults if getattr(method, name) != defaults[name]}
     chosen = with_parameters(method, Choice.of(artefact).chosen.parameters)
-    return given | {name: getattr(chosen, name) for name in artefact.spec["grid"]}
+    return given | {name: getattr(chosen, name) for name in told.grid}
 
 
 def chosen(tuning: Path | Held, method: Method, family: Family) -> tuple[Method, list[dict[str, str]]]:
     """The method with what a tuning chose, and the tuning as an input; UsageError where both set an option."""
     with open_artefact(tuning, "tuning") as artefact:
-        name = artefact.spec["method"]["name"]
+        told = TuningSettings.read(artefact.spec)
+        name = told.method.name
         if name != method.name:
             raise NotAllowed(f"{artefact.path} chose parameters of {name}, not of {method.name}")
-        drawn, wanted = family_of(artefact.spec), settings(artefact)
+        drawn, wanted = told.family.installed(), settings(artefact)
         given = {"role": "tuning", "name": artefact.path.stem, "content_sha256": artefact.content_sha256}
         if drawn != family:
             raise NotAllowed(

@@ -81,7 +81,7 @@ class BarsPlot(RunsPlot):
         """A picture of each family's runs."""
         families: dict[str, list[ComparedRun]] = {}
         for run in contents.runs:
-            families.setdefault(run.spec["family"]["name"], []).append(run)
+            families.setdefault(run.settings.family.name, []).append(run)
         for same in families.values():
             yield Planned(CAPTION, "", partial(cls().of_runs, same))
 

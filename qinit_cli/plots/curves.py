@@ -167,7 +167,7 @@ def _band(values: Floats, group: RunGroup) -> Interval:
     from qinit_cli.analysis.intervals import Resampling
     from qinit_cli.seeding import Stream, generator
 
-    rng = generator(int(group.any_run.spec["seed"]), Stream.BOOTSTRAP, 0)
+    rng = generator(group.any_run.settings.seed, Stream.BOOTSTRAP, 0)
     return Resampling(group.shared, BAND_RESAMPLES).interval(values, rng)
 
 

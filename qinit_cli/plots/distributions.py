@@ -14,11 +14,9 @@ from qinit_cli.plots.names import distribution
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Tasks
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
-
-
-KEY = ("family", "learner", "learning")  # tasks that share these are of one distribution
 
 
 @dataclass
@@ -26,7 +24,7 @@ class Distribution:
     """All tasks of one distribution learned in one way, over the artefacts that hold them."""
 
     family: Family
-    spec: dict[str, Any]  # of the first artefact
+    settings: SourcesSettings  # of the first artefact
     tasks: list[Tasks]  # their parameters, block by block
     found: list[Any]  # what was read of them, block by block
     sets: int  # artefacts that brought tasks
@@ -38,50 +36,49 @@ class Distribution:
         return len(tasks) > 0 and bool((tasks == tasks[0]).all())
 
 
-Read = Callable[["Family", "dict[str, Any]", "Tasks", "dict[str, Any]"], Any]
+Read = Callable[["Family", "SourcesSettings", "Tasks", "dict[str, Any]"], Any]
 
 
 def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> list[Distribution]:
     """The tasks of sources by what they are drawn from and how they were learned, in order of appearance.
 
-    `read` is given the family, the spec, the tasks of a block and its `columns`, and gives back what to keep of them.
+    `read` is given the family, the settings, the tasks of a block and its `columns`, and gives back what to keep of them.
     """
     from qinit_cli.artefacts.opening import family_in, open_artefact
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_store.spec import canonical_json
 
     found: dict[str, Distribution] = {}
     seen: dict[str, set[bytes]] = {}
     for path in paths:
         with open_artefact(path, "sources") as artefact:
-            spec = artefact.spec
-            key = canonical_json({name: spec[name] for name in KEY})
-            one = found.setdefault(key, Distribution(family_in(artefact), spec, [], [], 0))
+            settings = SourcesSettings.read(artefact.spec)
+            key = canonical_json(settings.choice().spec())
+            one = found.setdefault(key, Distribution(family_in(artefact), settings, [], [], 0))
             before = sum(map(len, one.tasks))
             # equal rows of two seeds are two tasks: those of an exact learner can be
-            known = seen.setdefault(f"{key} {spec['seed']}", set())
+            known = seen.setdefault(f"{key} {settings.seed}", set())
             for tasks, block in _unseen(artefact, one.family, columns, known):
                 one.tasks.append(tasks)
-                one.found.append(read(one.family, spec, tasks, block))
+                one.found.append(read(one.family, settings, tasks, block))
             one.sets += sum(map(len, one.tasks)) > before
     return list(found.values())
 
 
 def named(found: Sequence[Distribution]) -> list[str]:
     """The name of each, above the settings that distinguish it from the others."""
-    words = distinctions([{name: one.spec[name] for name in KEY} for one in found])
+    words = distinctions([one.settings.choice() for one in found])
     return [above_words(distribution(one.family), own) for one, own in zip(found, words, strict=True)]
 
 
 def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> list[str]:
     """What is to be said of those that were learned in another way than the first: it shows in their paths too."""
-    first = found[0].spec
+    usual = _learned(found[0].settings)
     said = []
     for one, name in zip(found, names, strict=True):
-        settings = {"learner": one.spec["learner"], **one.spec["learning"]}
-        usual = {"learner": first["learner"], **first["learning"]}
         other = [
             f"{key} {value}, not {usual.get(key)}"
-            for key, value in settings.items()
+            for key, value in _learned(one.settings).items()
             if value != usual.get(key)
         ]
         if other:
@@ -89,6 +86,12 @@ def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> li
                 f"{name.splitlines()[0]} was learned otherwise than {names[0].splitlines()[0]}: {'; '.join(other)}"
             )
     return said
+
+
+def _learned(settings: SourcesSettings) -> dict[str, Any]:
+    from qinit_cli.artefacts.settings import plain_learning
+
+    return {"learner": settings.learner, **plain_learning(settings.learning, settings.learner)}
 
 
 def _unseen(

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.analysis.length_sample import LengthSample
     from qinit_cli.arrays import Floats, Tasks
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.environments import Family
     from qinit_cli.plots.distributions import Distribution
 
@@ -88,7 +89,7 @@ class EoplPlot(Plot):
             yield Planned(CAPTION, "", partial(cls().drawn, same))
 
 
-def _at_start(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str, Any]) -> Any:
+def _at_start(family: Family, settings: SourcesSettings, tasks: Tasks, block: dict[str, Any]) -> Any:
     """Lengths (B,) of the greedy paths from the target start."""
     import numpy as np
 
@@ -116,7 +117,7 @@ def _shown(name: str, one: Distribution) -> DrawnLengths:
     from qinit_cli.seeding import Stream, generator
 
     sample = LengthSample.of(np.concatenate(one.found))
-    statistic, p = sample.rounded_normal(generator(int(one.spec["seed"]), Stream.BOOTSTRAP, 0))
+    statistic, p = sample.rounded_normal(generator(one.settings.seed, Stream.BOOTSTRAP, 0))
     sets = f" in {one.sets} source sets" if one.sets > 1 else ""
     counted = f"n = {sample.lengths.size}{sets}" + (f", {sample.never} never arrive" if sample.never else "")
     moments = f"\nmean {sample.mean:.1f}, sd {sample.deviation:.1f}, " if sample.lengths.size else ", "

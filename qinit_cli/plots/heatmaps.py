@@ -100,7 +100,7 @@ class HeatmapsPlot(Plot):
 
         found, notes = read_panels(paths, self.method, self.quantity)
         upright, across = _sides([panels.family for panels in found])
-        words = distinctions([panels.spec for panels in found])
+        words = distinctions([panels.settings for panels in found])
         names = distinct(
             [above_words(distribution(panels.family), own) for panels, own in zip(found, words, strict=True)],
             [f"fit {panels.fit[:8]}" for panels in found],

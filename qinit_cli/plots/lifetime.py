@@ -49,12 +49,12 @@ class LifetimePlot(Plot):
         What it was as fitted is that of the fit that the run names, in the store or beside it; a note reports where that is
         missing.
         """
-        from qinit_cli.artefacts.opening import describe
+        from qinit_cli.artefacts.opening import describe, settings_of
 
         if len(paths) > MOST:
             raise UsageError(f"{len(paths)} runs do not fit; draw at most {MOST}")
         notes: list[str] = []
-        words = distinctions([describe(path).spec for path in paths])
+        words = distinctions([told for path in paths if (told := settings_of(describe(path)))])
         shown = [_lived(path, own, frame.store, notes) for path, own in zip(paths, words, strict=True)]
         own = "returns of tasks that are learned one after another"
         with house_style():
@@ -67,12 +67,13 @@ def _lived(path: Path, words: str, store: Path, notes: list[str]) -> Lived:
 
     from qinit_cli.analysis import returns
     from qinit_cli.artefacts.opening import open_artefact
-    from qinit_cli.environments import family_of
+    from qinit_cli.artefacts.settings import RunSettings
 
     with open_artefact(path, "run") as artefact:
-        named = f"{artefact.spec['method']['label']}, {family_of(artefact.spec).label}"
+        settings = RunSettings.read(artefact.spec)
+        named = f"{settings.method.label}, {settings.family.label}"
         label = legible(with_words(named, words))
-        gamma = float(artefact.spec["learning"]["gamma"])
+        gamma = settings.learning.gamma
         reached = artefact.read("reached").astype(bool)
         earned = returns.discounted_returns(artefact.read("steps"), reached, gamma).mean(axis=1)
         updated = "log_std" in {column.name for column in artefact.schema.columns}
@@ -84,12 +85,14 @@ def _lived(path: Path, words: str, store: Path, notes: list[str]) -> Lived:
 def _as_fitted(run: Artefact, store: Path, notes: list[str]) -> float:
     """sd(ln Q) of the fit that the run started from; NaN, and a note, where it is not found."""
     from qinit_cli.artefacts.kinds import KINDS
+    from qinit_cli.artefacts.settings import RunSettings
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.lifelong import Known, log_std
 
+    content = RunSettings.read(run.spec).content
     [name] = [f"{one['name']}.h5" for one in run.inputs if one["role"] == "fit"]
     for path in (store / KINDS["fit"].folder / name, run.path.with_name(name)):
-        if path.exists() and (known := Knowledge.read(path)).content_sha256 == run.spec["inputs"][0]:
+        if path.exists() and (known := Knowledge.read(path)).content_sha256 == content:
             return log_std(Known.of(known.fit).log_q)
     notes.append(
         f"sd(ln Q) as fitted is not drawn: {name}, which {run.path} started from, is neither in {store} nor beside it"

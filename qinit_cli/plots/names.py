@@ -75,10 +75,9 @@ def listed(parts: Sequence[str], most: int = 12) -> str:
 def group_names(groups: Sequence[RunGroup]) -> list[str]:
     """The distribution of each, above the settings that distinguish it from the others."""
     from qinit_cli.comparison.source_sets import told_of_groups
-    from qinit_cli.environments import label_of
 
     runs = [group.any_run for group in groups]
-    labels = [shortened(label_of(run.spec), run.spec["family"]["name"]) for run in runs]
+    labels = [shortened(run.settings.family.label, run.settings.family.name) for run in runs]
     words = map(joined, told_of_groups(groups))
     names = [above_words(label, own) for label, own in zip(labels, words, strict=True)]
     return distinct(names, [f"targets {run.target_digest[:8]}" for run in runs])
@@ -86,12 +85,11 @@ def group_names(groups: Sequence[RunGroup]) -> list[str]:
 
 def families(groups: Sequence[RunGroup]) -> str:
     """The distribution where there is one, else the families."""
-    from qinit_cli.environments import label_of
 
-    specs = [group.any_run.spec for group in groups]
-    labels = dict.fromkeys(label_of(spec) for spec in specs)
+    families = [group.any_run.settings.family for group in groups]
+    labels = dict.fromkeys(family.label for family in families)
     return (
         next(iter(labels))
         if len(labels) == 1
-        else ", ".join(dict.fromkeys(spec["family"]["name"] for spec in specs))
+        else ", ".join(dict.fromkeys(family.name for family in families))
     )

@@ -85,7 +85,7 @@ class NormalityPlot(Plot):
         """A picture of the first source set of each distribution whose values were tested."""
         fits = contents.kinds["fit"]
         for path, caption, words in firsts(fits, CAPTION):
-            if fits[path]["spec"]["normality"] != "none":
+            if fits[path]["settings"].options.normality != "none":
                 yield Planned(caption, words, partial(cls().drawn, [path]))
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
+    from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.environments import Family
     from qinit_cli.plots.distributions import Distribution
 
@@ -75,10 +76,10 @@ class OccupancyPlot(Plot):
         return Drawn(figure, frame.title or own, _alt(shown, own), tuple(learned_otherwise(found, names)))
 
 
-def _visits(family: Family, spec: dict[str, Any], tasks: Tasks, block: dict[str, Any]) -> Any:
+def _visits(family: Family, settings: SourcesSettings, tasks: Tasks, block: dict[str, Any]) -> Any:
     """Visits of each state (S,) over a block's paths, how many arrive, and how many do not."""
     q = block["q"].reshape(len(tasks), -1, len(family.actions))
-    visits = family.visits(tasks, q, int(spec["learning"]["horizon"]))
+    visits = family.visits(tasks, q, settings.learning.horizon)
     arrives = int(visits.any(axis=1).sum())
     return visits.sum(axis=0), arrives, len(tasks) - arrives
 

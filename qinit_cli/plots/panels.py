@@ -6,15 +6,15 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet
 from qinit_cli.comparison.distinctions import distinctions, with_words
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
-from qinit_cli.methods.stored import reads_sources
 from qinit_cli.plots.names import marked
 
 if TYPE_CHECKING:
@@ -32,12 +32,10 @@ class Panels:
 
     family: Family
     fit: str  # its content hash
-    spec: dict[str, Any]  # its settings, as far as they are known
+    settings: FitSettings | SourceSet  # its settings, as far as they are known
     label: str  # what the tables hold, with its unit
     tables: dict[str, Floats]  # (S,) by method, or by the quantity's name
-    runs: dict[str, dict[str, Any]] = field(
-        default_factory=dict
-    )  # the settings of the runs that brought tables
+    runs: dict[str, RunSettings] = field(default_factory=dict)  # the settings of the runs that brought tables
 
 
 def read_panels(
@@ -112,7 +110,7 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
             tables[marked(method.name, method.name)] = _largest(
                 start, known.fit.n, reads_sources=found.reads_sources
             )
-    return Panels(known.family, known.content_sha256, known.spec, START_LABEL, tables)
+    return Panels(known.family, known.content_sha256, known.settings, START_LABEL, tables)
 
 
 def _largest(start: Floats, n: Integers, *, reads_sources: bool) -> Floats:
@@ -143,7 +141,7 @@ def _table(path: Path, quantity: str) -> Panels:
         return Panels(
             family_in(artefact),
             artefact.content_sha256,
-            artefact.spec,
+            FitSettings.read(artefact.spec),
             label,
             {quantity: table},
         )
@@ -157,21 +155,22 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
     from qinit_cli.artefacts.opening import family_in, open_artefact
 
     with open_artefact(path, "run") as artefact:
-        fit, method = artefact.spec["inputs"][0], artefact.spec["method"]
-        label = marked(method["label"], method["name"])
+        settings = RunSettings.read(artefact.spec)
+        method = settings.method
+        label = marked(method.label, method.name)
         start = artefact.read("start")
         if any(column.name == "start" for column in artefact.schema.task_columns):
             largest, label = start.max(axis=-1).mean(axis=0), f"{label}, mean of targets"
         else:
             n = _sources_with_a_value(artefact, fits, notes)
-            largest = _largest(start.reshape(-1, start.shape[-1]), n, reads_sources=reads_sources(method))
+            largest = _largest(start.reshape(-1, start.shape[-1]), n, reads_sources=method.reads_sources)
         return Panels(
             family_in(artefact),
-            fit,
-            _fit_of(artefact.spec["source_set"]),
+            settings.content,
+            settings.source_set,
             START_LABEL,
             {label: largest.ravel()},
-            {label: artefact.spec},
+            {label: settings},
         )
 
 
@@ -182,27 +181,19 @@ def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str])
     from qinit_store.catalog import NAME
     from qinit_store.reading import describe
 
-    [content] = run.spec["inputs"]
+    settings = RunSettings.read(run.spec)
     name = next((str(one["name"]) for one in run.inputs if one.get("role") == "fit"), "")
     beside = [run.path.with_name(f"{name}.h5"), run.path.parent.parent / KINDS["fit"].folder / f"{name}.h5"]
     for path in (*fits, *(beside if NAME.fullmatch(name) else ())):
-        if path.is_file() and describe(path).content_sha256 == content:
+        if path.is_file() and describe(path).content_sha256 == settings.content:
             with open_artefact(path, "fit") as fit:
                 n = fit.read("n")
                 return n.reshape(-1, n.shape[-1])
-    if reads_sources(run.spec["method"]):
+    if settings.method.reads_sources:
         notes.append(
             f"{run.path}: what no source knows is not grey, for its fit is neither given nor beside it"
         )
     return np.ones(1, np.int32)
-
-
-def _fit_of(source_set: dict[str, Any]) -> dict[str, Any]:
-    """The settings of a run's fit that its replicates share."""
-    of_sources = ("family", "learner", "learning", "tasks")
-    sources = {name: source_set[name] for name in of_sources if name in source_set}
-    own = {name: value for name, value in source_set.items() if name not in (*of_sources, "sources")}
-    return {"kind": "fit", "sources": sources, **own}
 
 
 def _add(column: Panels, more: Panels, path: Path) -> None:

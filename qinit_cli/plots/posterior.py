@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.artefacts.settings import RunSettings
 
 MOST = 6  # bands that can be told apart
 QUANTILES = (0.1, 0.5, 0.9)
@@ -43,21 +44,20 @@ class PosteriorPlot(Plot):
 
     def drawn(self, paths: Sequence[Path], frame: Frame = PLAIN) -> Drawn:
         """A line for each method and distribution, in the order of their runs; those of several source sets are pooled."""
-        from qinit_cli.environments import label_of
         from qinit_store.spec import canonical_json
 
         groups: dict[str, list[tuple[Integers, Floats, int]]] = {}
-        specs: dict[str, dict[str, Any]] = {}
+        choices: dict[str, RunSettings] = {}
         for path in paths:
-            spec, found = _read(path)
-            key = canonical_json(spec)
-            specs[key] = spec
+            settings, found = _read(path)
+            key = canonical_json(settings.spec())
+            choices[key] = settings
             groups.setdefault(key, []).append(found)
         if len(groups) > MOST:
             raise UsageError(f"{len(groups)} methods and distributions do not fit; draw at most {MOST}")
         labels = [
-            legible(with_words(f"{spec['method']['label']}, {label_of(spec)}", words))
-            for spec, words in zip(specs.values(), distinctions(list(specs.values())), strict=True)
+            legible(with_words(f"{told.method.label}, {told.family.label}", words))
+            for told, words in zip(choices.values(), distinctions(list(choices.values())), strict=True)
         ]
         shown = [_weighed(label, found) for label, found in zip(labels, groups.values(), strict=True)]
         own = "weights of source tables while targets are learned"
@@ -66,23 +66,19 @@ class PosteriorPlot(Plot):
         return Drawn(figure, frame.title or own, _alt(shown, groups))
 
 
-def _read(path: Path) -> tuple[dict[str, Any], tuple[Integers, Floats, int]]:
+def _read(path: Path) -> tuple[RunSettings, tuple[Integers, Floats, int]]:
     """What replicates of the run share, its moments (R,) and weights (T, R, K), and how many of its targets never froze."""
     from qinit_cli.artefacts.opening import open_artefact
+    from qinit_cli.artefacts.settings import RunSettings
 
     with open_artefact(path, "run") as artefact:
+        settings = RunSettings.read(artefact.spec)
         if "weight" not in {column.name for column in artefact.schema.columns}:
             raise NotAllowed(
-                f"{path} keeps no weights: it is a run of {artefact.spec['method']['name']}, not of posterior"
+                f"{path} keeps no weights: it is a run of {settings.method.name}, not of posterior"
             )
-        shared = {
-            name: value for name, value in artefact.spec.items() if name not in ("seed", "inputs", "tasks")
-        }
-        shared["source_set"] = {
-            name: value for name, value in artefact.spec["source_set"].items() if name != "sources"
-        }
         moments = artefact.axes["moment"].values
-        return shared, (moments, artefact.read("weight"), int((artefact.read("frozen") < 0).sum()))
+        return settings.choice(), (moments, artefact.read("weight"), int((artefact.read("frozen") < 0).sum()))
 
 
 def _weighed(label: str, found: list[tuple[Integers, Floats, int]]) -> Weighed:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from qinit_cli.artefacts.settings import FitSettings, Settings, SourcesSettings
     from qinit_cli.comparison.runs import ComparedRun
     from qinit_cli.plots.drawn import Drawn
 
-Described = dict["Path", dict[str, Any]]  # what a report tells of each artefact: its spec among the rest
+Described = dict["Path", dict[str, Any]]  # what a report tells of each artefact: its settings among the rest
 
 FIRST = "Of several source sets of a distribution the first is shown."
 
@@ -39,33 +40,27 @@ def firsts(artefacts: Described, caption: str) -> Iterable[tuple[Path, str, str]
     from qinit_cli.comparison.distinctions import distinctions
 
     found = list(alike(artefacts, _choice).values())
-    words = distinctions([artefacts[same[0]]["spec"] for same in found])
+    words = distinctions([artefacts[same[0]]["settings"] for same in found])
     for same, own in zip(found, words, strict=True):
         yield same[0], f"{caption} {FIRST}" if len(same) > 1 else caption, own
 
 
-def alike(artefacts: Described, key: Callable[[dict[str, Any]], str]) -> dict[str, list[Path]]:
+def alike(artefacts: Described, key: Callable[[Any], str]) -> dict[str, list[Path]]:
     """The paths by what their artefacts share, in order of appearance."""
     found: dict[str, list[Path]] = {}
     for path, told in artefacts.items():
-        found.setdefault(key(told["spec"]), []).append(path)
+        found.setdefault(key(told["settings"]), []).append(path)
     return found
 
 
-def states(spec: dict[str, Any]) -> str:
+def states(settings: Settings) -> str:
     """What decides the states that a picture shows."""
-    from qinit_cli.environments import family_of
-
-    family = family_of(spec.get("sources", spec))
+    family = settings.sources.family.installed()
     return f"{family.name} {family.shape}"
 
 
-def _choice(spec: dict[str, Any]) -> str:
+def _choice(settings: SourcesSettings | FitSettings) -> str:
     """All that is the same for every source set of a distribution."""
     from qinit_store.spec import canonical_json
 
-    def without_set(settings: dict[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in settings.items() if name not in ("seed", "inputs", "tasks")}
-
-    alone = without_set(spec)
-    return canonical_json(alone | {"sources": without_set(alone["sources"])} if "sources" in alone else alone)
+    return canonical_json(settings.choice().spec())

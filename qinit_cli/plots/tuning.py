@@ -80,7 +80,7 @@ class TuningPlot(Plot):
         from qinit_cli.comparison.distinctions import distinctions
 
         tunings = contents.kinds["tuning"]
-        words = distinctions([told["spec"] for told in tunings.values()])
+        words = distinctions([told["settings"] for told in tunings.values()])
         for path, own in zip(tunings, words, strict=True):
             yield Planned(CAPTION, own, partial(cls().drawn, [path]))
 

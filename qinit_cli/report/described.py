@@ -9,6 +9,7 @@ from typing import Any
 
 def described(paths: Iterable[Path]) -> dict[Path, dict[str, Any]]:
     """Each artefact once, the content hash of each checked."""
+    from qinit_cli.artefacts.kinds import KINDS
     from qinit_cli.artefacts.opening import open_artefact
 
     found: dict[str, tuple[Path, dict[str, Any]]] = {}
@@ -17,7 +18,7 @@ def described(paths: Iterable[Path]) -> dict[Path, dict[str, Any]]:
             told = {
                 "kind": artefact.kind,
                 "name": artefact.path.stem,
-                "spec": artefact.spec,
+                "settings": KINDS[artefact.kind].read(artefact.spec),
                 "content_sha256": artefact.content_sha256,
                 "provenance": artefact.provenance,
                 "inputs": list(artefact.inputs),

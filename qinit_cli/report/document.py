@@ -20,7 +20,7 @@ class Material:
     title: str
     question: str
     made: Sequence[tuple[str, str]]  # how, where that is known as a whole
-    artefacts: Sequence[dict[str, Any]]  # see `origin.Described`; with "spec"
+    artefacts: Sequence[dict[str, Any]]  # see `origin.Described`; with "settings"
     compared: Sequence[tuple[str, dict[str, Any]]]  # title, and what qinit compare --format json prints
     tuned: Sequence[tuned.Tuned]
     verdicts: Sequence[dict[str, Any]]  # as qinit verdicts --format json has them
@@ -47,7 +47,7 @@ def _sections(material: Material) -> Iterator[Section]:
     yield Section("figures", "Figures", [*material.figures, *missing])
     if not material.of_claims:
         yield verdicts
-    yield Section("settings", "Settings", settings.blocks([one["spec"] for one in material.artefacts]))
+    yield Section("settings", "Settings", settings.blocks([one["settings"] for one in material.artefacts]))
     yield Section(
         "provenance",
         "Provenance and hashes",

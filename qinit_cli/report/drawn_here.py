@@ -73,12 +73,11 @@ def _compared(runs: list[ComparedRun], baseline: str) -> dict[str, Any]:
 
 def _title(artefacts: Described) -> str:
     """What the artefacts are of: families with their distributions, or how many of these there are."""
-    from qinit_cli.environments import family_of
     from qinit_cli.plots.names import distribution
 
     found: dict[str, dict[str, None]] = {}
     for told in artefacts.values():
-        family = family_of(told["spec"].get("sources", told["spec"]))
+        family = told["settings"].sources.family.installed()
         found.setdefault(family.name, {})[distribution(family)] = None
     named = [
         f"{name}, {listed(list(own)) if len(own) <= NAMED else f'{len(own)} distributions'}"

@@ -3,38 +3,37 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.artefacts.settings import Settings, Spec
 from qinit_cli.report.content import Block, Cell, PageColumn, Pairs, Subheading, Table
 from qinit_cli.report.numbers import setting
 
-Spec = Mapping[str, Any]
-Settings = dict[str, str]  # by a name that says where they belong
+Words = dict[str, str]  # settings by a name that says where they belong
 
 FIRST = ("method", "family", "learner")
 UNTOLD = ("kind", "role", "algorithm_version", "inputs")
 
 
-def blocks(specs: Sequence[Spec]) -> list[Block]:
+def blocks(several: Sequence[Settings]) -> list[Block]:
     """A part for each heading under which the kinds show their settings."""
     found: list[Block] = []
-    for heading, settings in _parts(specs).items():
+    for heading, settings in _parts(several).items():
         found += [Subheading(heading), *_told(heading, settings)]
     return found
 
 
-def _parts(specs: Sequence[Spec]) -> dict[str, list[Settings]]:
+def _parts(several: Sequence[Settings]) -> dict[str, list[Words]]:
     """The settings by heading. Artefacts that are not here themselves are told by what was made of them."""
     parts = [
         part
         for kind in KINDS.values()
-        for spec in specs
-        if spec["kind"] == kind.name
-        for part in kind.reported(spec)
+        for one in several
+        if one.kind == kind.name
+        for part in kind.reported(one)
     ]
-    found: dict[str, list[Settings]] = {part.heading: [] for part in parts}
+    found: dict[str, list[Words]] = {part.heading: [] for part in parts}
     for heading, settings in found.items():
         own = [part for part in parts if part.heading == heading]
         least = min(part.distance for part in own)
@@ -42,7 +41,7 @@ def _parts(specs: Sequence[Spec]) -> dict[str, list[Settings]]:
     return found
 
 
-def _told(heading: str, settings: list[Settings]) -> Iterator[Block]:
+def _told(heading: str, settings: list[Words]) -> Iterator[Block]:
     """What all share, then a row for each choice of what differs; where that is one setting alone, its values in the list."""
     settings = _short(settings)
     names = list(dict.fromkeys(name for one in settings for name in one))
@@ -68,7 +67,7 @@ def _told(heading: str, settings: list[Settings]) -> Iterator[Block]:
     yield Table(f"{heading}: what differs", columns, body)
 
 
-def _short(settings: list[Settings]) -> list[Settings]:
+def _short(settings: list[Words]) -> list[Words]:
     """The same under the last words of their names, where these tell them apart, spelled as options are."""
     names = dict.fromkeys(name for one in settings for name in one)
     last = Counter(name.rpartition(" ")[2] for name in names)
@@ -81,9 +80,9 @@ def _short(settings: list[Settings]) -> list[Settings]:
     ]
 
 
-def _flat(settings: Spec, above: str = "") -> Settings:
+def _flat(settings: Spec, above: str = "") -> Words:
     """Nested settings by one name each, "family size"; what has a name and options stands under its own name."""
-    found: Settings = {}
+    found: Words = {}
     for key, value in settings.items():
         if key in UNTOLD:
             continue

@@ -269,4 +269,4 @@ def test_the_page_of_the_store_names_the_kind_its_folder_and_its_axes(kind: Kind
 @pytest.mark.parametrize("kind", EVERY)
 def test_settings_of_another_kind_are_refused(kind: Kind) -> None:
     with pytest.raises(ValueError, match="its settings are of 'another', the artefact is of"):
-        kind.check({"kind": "another"})
+        kind.read({"kind": "another"})

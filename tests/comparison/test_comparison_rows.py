@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,31 +8,37 @@ import pytest
 from scipy import stats
 
 from qinit_cli.analysis.intervals import tails
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, SourcesSettings, StoredFamily
 from qinit_cli.comparison.rows import compare
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import curve
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.fitted import FitOptions
+from qinit_cli.methods import METHODS
 from qinit_cli.seeding import Stream, generator
+from qinit_cli.tasks import SourceTasks, TargetTasks
 
 EPISODES = 20
 GAMMA = 0.5
 
 
 def _run(
-    method: str, steps: Any, reached: Any, *, name: str = "", targets: str = "t", **spec: Any
+    method: str, steps: Any, reached: Any, *, name: str = "", targets: str = "t", sources: str = "set"
 ) -> ComparedRun:
     """A run whose returns are 0.5^(steps - 1) where the goal was reached."""
-    family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
-    learning = {"gamma": GAMMA, "horizon": 100, "episodes": EPISODES}
-    sources = {"sources": spec.pop("sources", "set")}
-    own = {"method": {"name": method}, "inputs": ["fit"], "source_set": sources} | spec
-    settings = {"family": family, "learning": learning, "seed": 0, **own}
+    family = Gridworld(size=6, variance=2)
+    learning = replace(family.target_learning, gamma=GAMMA, horizon=100, episodes=EPISODES)
+    fit = FitSettings.of(
+        SourcesSettings.of(SourceTasks(family, "q-learning", learning, 0), 4), sources, FitOptions()
+    )
+    wanted = TargetTasks(family, learning, 0, keep_q=False)
+    settings = RunSettings.of(METHODS[method](), wanted, len(steps), "fit", fit)
     return ComparedRun(
         name=name or f"{method}-run",
         method=method,
         label=method,
-        spec=settings,
+        settings=settings,
         steps=np.asarray(steps, np.int32),
         reached=np.asarray(reached, bool),
         attainable=None,
@@ -177,8 +183,9 @@ def test_runs_of_one_distribution_that_met_other_targets_are_not_compared() -> N
 
 
 def test_runs_of_another_distribution_are_grouped_apart() -> None:
-    family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=3))}
-    elsewhere = _run("maxqinit", _filled(2, 2), ALWAYS, targets="u", name="elsewhere", family=family)
+    elsewhere = _run("maxqinit", _filled(2, 2), ALWAYS, targets="u", name="elsewhere")
+    family = StoredFamily.of(Gridworld(size=6, variance=3))
+    elsewhere = replace(elsewhere, settings=replace(elsewhere.settings, family=family))
     first, second = compare([ZERO, elsewhere, OTHER], "zero", "return")
     assert [row.label for row in first.rows] == ["zero", "maxqinit"]
     assert [row.label for row in second.rows] == ["maxqinit"]
@@ -191,12 +198,16 @@ def test_a_baseline_that_nobody_has_is_refused_with_the_nearest_name() -> None:
         compare([ZERO, OTHER], "maxqinti", "return")
 
 
+def _fitted(run: ComparedRun, estimator: Any) -> SourceSet:
+    return replace(run.settings.source_set, fitted=FitOptions(estimator=estimator))
+
+
 def test_fits_of_the_same_sources_are_options_not_replicates() -> None:
     twice = [
         replace(
             OTHER,
             name=f"run-{estimator}",
-            spec=OTHER.spec | {"source_set": {"sources": "set", "estimator": estimator}},
+            settings=replace(OTHER.settings, source_set=_fitted(OTHER, estimator)),
         )
         for estimator in ("mle", "umvue")
     ]
@@ -222,7 +233,7 @@ def test_a_baseline_that_could_be_several_runs_is_refused_with_their_names() -> 
 
 
 def test_a_run_that_kept_no_steps_of_its_evaluations_is_refused_not_rebuilt() -> None:
-    earlier = replace(OTHER, spec=OTHER.spec | {"evaluate_every": 5})
+    earlier = replace(OTHER, settings=replace(OTHER.settings, evaluate_every=5))
     with pytest.raises(NotAllowed, match=r"not their steps.*--force"):
         earlier.greedy()
     with pytest.raises(NotAllowed, match="no greedy evaluations"):
@@ -292,7 +303,9 @@ def test_one_baseline_serves_every_source_set_that_met_its_targets() -> None:
 
 def test_one_source_set_on_two_sets_of_targets_is_not_two_source_sets() -> None:
     runs = [
-        replace(run, spec=run.spec | {"source_set": {"sources": "set"}})
+        replace(
+            run, settings=replace(run.settings, source_set=replace(run.settings.source_set, content="set"))
+        )
         for run in _source_sets(shared=False, sets=2)
     ]
     assert [comparison.sets for comparison in compare(runs, "zero", "return")] == [1, 1]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.comparison import distinctions
 from qinit_cli.comparison.rows import compare
 from qinit_cli.comparison.runs import ComparedRun
@@ -33,7 +33,7 @@ def _sources(
     family: Any = WORLD, learner: str = "q-learning", seed: int = 0, tasks: int = 4, **learning: Any
 ) -> Any:
     how = replace(family.source_learning, **learning)
-    return specs.sources(SourceTasks(family, learner, how, seed=seed), tasks)
+    return SourcesSettings.of(SourceTasks(family, learner, how, seed=seed), tasks)
 
 
 def _run(
@@ -48,16 +48,16 @@ def _run(
     **learning: Any,
 ) -> ComparedRun:
     sources = sources or _sources()
-    fitted = specs.fit(sources, [json.dumps(sources, sort_keys=True)], fit or FitOptions())
+    fitted = FitSettings.of(sources, json.dumps(sources.spec(), sort_keys=True), fit or FitOptions())
     how = replace(family.target_learning, episodes=20, **learning)
     wanted = TargetTasks(family, how, seed=seed, keep_q=False)
-    spec = specs.run(METHODS[method](**(options or {})), wanted, tasks, "fit", fitted)
+    settings = RunSettings.of(METHODS[method](**(options or {})), wanted, tasks, "fit", fitted)
     steps = np.full((tasks, 20), 3, np.int32)
     return ComparedRun(
-        name=f"{method}-{abs(hash(json.dumps(spec, sort_keys=True))):016x}",
+        name=f"{method}-{abs(hash(json.dumps(settings.spec(), sort_keys=True))):016x}",
         method=method,
-        label=spec["method"]["label"],
-        spec=spec,
+        label=settings.method.label,
+        settings=settings,
         steps=steps,
         reached=np.ones(steps.shape, bool),
         attainable=None,
@@ -65,7 +65,7 @@ def _run(
         evaluation_steps=None,
         evaluation_reached=None,
         drawn=(),
-        target_digest=targets + json.dumps([spec["family"], seed, tasks, how.gamma]),
+        target_digest=targets + json.dumps([settings.family.spec(), seed, tasks, how.gamma]),
     )
 
 
@@ -80,15 +80,15 @@ def _run(
         (_sources(), _sources(), ["", ""]),
         (_sources(), _sources(MountainCar()), ["", ""]),  # of two families nothing is compared: their names differ
         (_sources(Gridworld(p_low=0.4)), _sources(Gridworld(p_low=0.6)), ["", ""]),  # their labels tell it
-        (_run(epsilon=0.2).spec, _run().spec, ["epsilon 0.2", "epsilon 0.1"]),
-        (_run(fit=FitOptions(estimator="umvue")).spec, _run().spec, ["umvue", "mle"]),
-        (_run(sources=_sources(tasks=50)).spec, _run().spec, ["50 sources", "4 sources"]),
-        (_run(sources=_sources(episodes=9)).spec, _run(sources=_sources(episodes=7)).spec,
+        (_run(epsilon=0.2).settings, _run().settings, ["epsilon 0.2", "epsilon 0.1"]),
+        (_run(fit=FitOptions(estimator="umvue")).settings, _run().settings, ["umvue", "mle"]),
+        (_run(sources=_sources(tasks=50)).settings, _run().settings, ["50 sources", "4 sources"]),
+        (_run(sources=_sources(episodes=9)).settings, _run(sources=_sources(episodes=7)).settings,
          ["sources' episodes 9", "sources' episodes 7"]),
-        (_run(sources=_sources(Gridworld(size=6, variance=9))).spec, _run().spec,
+        (_run(sources=_sources(Gridworld(size=6, variance=9))).settings, _run().settings,
          ["sources of gridworld-6-variance-9", "unshifted"]),
         # what sources and targets share is told once
-        (_run(sources=_sources(gamma=0.9), gamma=0.9).spec, _run(sources=_sources(gamma=0.8), gamma=0.8).spec,
+        (_run(sources=_sources(gamma=0.9), gamma=0.9).settings, _run(sources=_sources(gamma=0.8), gamma=0.8).settings,
          ["gamma 0.9", "gamma 0.8"]),
     ],
 )  # fmt: skip

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.comparison.rows import Row, compare
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, curve
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS
+from qinit_cli.tasks import SourceTasks, TargetTasks
 
 EPISODES = 100
 
@@ -26,19 +29,17 @@ def _run(
     returns = np.asarray(returns, float)
     reached = returns > 0
     steps = np.where(reached, 1 - np.log2(np.where(reached, returns, 1)), 60).astype(np.int32)
-    family = {"name": "gridworld", **asdict(Gridworld(size=6, variance=2))}
-    learning = {"gamma": 0.5, "horizon": 60, "episodes": EPISODES}
+    family = Gridworld(size=6, variance=2)
+    learning = replace(family.target_learning, gamma=0.5, horizon=60, episodes=EPISODES)
+    fit = FitSettings.of(
+        SourcesSettings.of(SourceTasks(family, "q-learning", learning, 0), 4), sources, FitOptions()
+    )
+    wanted = TargetTasks(family, learning, 0, keep_q=False)
     return ComparedRun(
         name=f"{method}-{sources}",
         method=method,
         label=method,
-        spec={
-            "family": family,
-            "learning": learning,
-            "seed": 0,
-            "method": {"name": method},
-            "source_set": {"sources": sources},
-        },
+        settings=RunSettings.of(METHODS[method](), wanted, len(steps), "fit", fit),
         steps=steps,
         reached=reached,
         attainable=None if possible is None else np.asarray(possible, float),

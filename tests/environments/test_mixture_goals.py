@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qinit_cli.environments import family_of
+from qinit_cli.artefacts.settings import StoredFamily
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
@@ -90,7 +90,7 @@ def test_what_means_the_same_is_stored_the_same(one: dict[str, str], other: dict
 
 def test_what_is_stored_gives_the_family_back() -> None:
     for family in (TWO, MixtureGridworld(size=10, weights="1,2"), MixtureGridworld(size=7)):
-        assert family_of({"family": {"name": family.name, **asdict(family)}}) == family
+        assert StoredFamily.read({"name": family.name, **asdict(family)}).here == family
 
 
 @pytest.mark.parametrize(

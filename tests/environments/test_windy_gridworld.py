@@ -11,7 +11,7 @@ import pytest
 from quantecon.markov import DiscreteDP
 from scipy import stats
 
-from qinit_cli.environments import family_of
+from qinit_cli.artefacts.settings import StoredFamily
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.windy_gridworld import WindyGridworld
@@ -198,7 +198,7 @@ def test_the_goal_is_at_two_thirds_unless_told_otherwise() -> None:
     assert (WindyGridworld().goal_row, WindyGridworld().goal_col) == (20, 20)
     assert WindyGridworld(goal_col=0).label == "windy-gridworld-up-scale-0.3-goal-20-0"
     assert WindyGridworld(size=6, wind="any", wind_shape=3).label == "windy-gridworld-6-any-shape-3-scale-0.3"
-    assert family_of({"family": {"name": GRID.name, **asdict(GRID)}}) == GRID
+    assert StoredFamily.read({"name": GRID.name, **asdict(GRID)}).here == GRID
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qinit_cli.artefacts import specs
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, SourcesSettings
 from qinit_cli.claims.setting import GRIDWORLD
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.fitted import FitOptions
+from qinit_cli.methods import METHODS
 from qinit_cli.paper import settings as paper_settings
 from qinit_cli.paper.verdicts import evidence, verdicts
-from qinit_cli.tasks import SourceTasks
+from qinit_cli.tasks import SourceTasks, TargetTasks
 from qinit_store.reading import Artefact, open_artefact
 
 Run = Callable[..., Any]
@@ -112,9 +113,9 @@ def test_small_evidence_judges_nothing_but_the_arithmetic(artefacts: dict[str, P
     assert "variance 2, size 8" in found[3].details[0].label
 
 
-def _sources(family: Any, learner: str = "q-learning", count: int = 100, **changes: Any) -> dict[str, Any]:
+def _sources(family: Any, learner: str = "q-learning", count: int = 100, **changes: Any) -> SourcesSettings:
     learning = replace(family.source_learning, **changes)
-    return specs.sources(SourceTasks(family, learner, learning, 0), count)  # type: ignore[arg-type]
+    return SourcesSettings.of(SourceTasks(family, learner, learning, 0), count)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -129,12 +130,12 @@ def _sources(family: Any, learner: str = "q-learning", count: int = 100, **chang
 def test_the_papers_settings_differ_in_nothing(family: Any, distribution: str) -> None:
     setting = paper_settings.of_sources(_sources(family))
     assert (setting.distribution, setting.variant, setting.full) == (distribution, "", True)
-    fitted = specs.fit(_sources(family), ["hash"], FitOptions())
+    fitted = FitSettings.of(_sources(family), "hash", FitOptions())
     assert paper_settings.of_fit(fitted) == setting
 
 
 @pytest.mark.parametrize(
-    ("spec", "variant", "full"),
+    ("told", "variant", "full"),
     [
         (_sources(Gridworld(), "exact"), "exact sources", True),
         (_sources(Gridworld(), gamma=0.9, horizon=500), "gamma 0.9, horizon 500", True),
@@ -147,17 +148,17 @@ def test_the_papers_settings_differ_in_nothing(family: Any, distribution: str) -
     ],
 )
 def test_what_differs_from_the_paper_is_told_and_whether_it_is_smaller(
-    spec: dict[str, Any], variant: str, full: bool
+    told: SourcesSettings, variant: str, full: bool
 ) -> None:
-    setting = paper_settings.of_sources(spec)
+    setting = paper_settings.of_sources(told)
     assert (setting.variant, setting.full) == (variant, full)
 
 
-def _run(family: Gridworld, source: dict[str, Any], **changes: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    learning = asdict(replace(family.target_learning, **changes))
-    fitted = specs.fit(source, ["hash"], FitOptions(estimator="umvue"))
-    spec = {"family": {"name": family.name, **asdict(family)}, "learning": learning, "tasks": 200}
-    return spec, specs.source_set(fitted)
+def _run(family: Gridworld, source: SourcesSettings, **changes: Any) -> tuple[RunSettings, SourceSet]:
+    targets = TargetTasks(family, replace(family.target_learning, **changes), 0, keep_q=False)
+    fitted = FitSettings.of(source, "hash", FitOptions(estimator="umvue"))
+    run = RunSettings.of(METHODS["zero"](), targets, 200, "hash", fitted)
+    return run, run.source_set
 
 
 def test_a_run_tells_what_differs_in_its_sources_its_fit_and_its_targets() -> None:

@@ -6,6 +6,15 @@ from typing import Any
 
 import pytest
 
+from qinit_cli.artefacts.settings import (
+    RunSettings,
+    SourceSet,
+    SourcesSettings,
+    StoredFamily,
+    StoredMethod,
+)
+from qinit_cli.fitted import FitOptions
+from qinit_cli.learning import QLearning
 from qinit_cli.report import comparison, judged, numbers, origin, settings
 from qinit_cli.report.content import Block, Folded, Judgement, Pairs, Points, Subheading, Table
 
@@ -180,10 +189,12 @@ def test_verdicts_are_counted_in_one_sentence() -> None:
     assert judged.findings(VERDICTS[3:]) == []
 
 
-def sources(variance: float, seed: int, **more: Any) -> dict[str, Any]:
-    family = {"name": "gridworld", "p_low": 0.6, "variance": variance}
-    learning = {"alpha": 0.1, "gamma": 0.95}
-    return {"kind": "sources", "family": family, "learning": learning, "seed": seed, "tasks": 100, **more}
+LEARNING = QLearning(0.1, 0.95, 0.0, 1, 50, "fixed")
+
+
+def sources(variance: float, seed: int, tasks: int = 100) -> SourcesSettings:
+    family = StoredFamily("gridworld", {"p_low": 0.6, "variance": variance}, None)
+    return SourcesSettings(1, family, "exact", LEARNING, seed, tasks)
 
 
 def told(blocks: list[Block]) -> dict[str, list[Block]]:
@@ -204,8 +215,10 @@ def test_shared_settings_are_listed_once_under_the_names_of_their_options() -> N
         "family": "gridworld",
         "p-low": "0.6",
         "variance": "7",
+        "learner": "exact",
         "alpha": "0.1",
         "gamma": "0.95",
+        "horizon": "50",
         "tasks": "100",
         "seed": "0 to 2, 5",
     }
@@ -221,8 +234,8 @@ def test_a_single_setting_that_differs_joins_the_list() -> None:
 
 
 def test_settings_that_differ_together_are_a_table() -> None:
-    specs = [sources(1, 0), sources(7, 0), sources(7, 1), sources(7, 0, tasks=50)]
-    shared, table = told(settings.blocks(specs))["Source tasks"]
+    several = [sources(1, 0), sources(7, 0), sources(7, 1), sources(7, 0, tasks=50)]
+    shared, table = told(settings.blocks(several))["Source tasks"]
     assert isinstance(shared, Pairs)
     assert "variance" not in dict(shared.pairs)
     assert isinstance(table, Table)
@@ -231,22 +244,21 @@ def test_settings_that_differ_together_are_a_table() -> None:
 
 
 def test_runs_tell_of_sources_and_fits_that_are_not_there_themselves() -> None:
-    source_set = {"sources": "f" * 64, "family": {"name": "gridworld"}, "tasks": 100, "estimator": "mle"}
+    family = StoredFamily("gridworld", {}, None)
+    fitted, given = FitOptions(estimator="shen", library=7), ("estimator",)
+    source_set = SourceSet("f" * 64, family, "exact", LEARNING, 100, fitted, given)
     runs = [
-        {
-            "kind": "run",
-            "method": {"name": name, "label": name, **options},
-            "family": {"name": "gridworld"},
-            "seed": 0,
-            "inputs": ["0" * 64],
-            "source_set": source_set,
-        }
+        RunSettings(1, StoredMethod(name, name, options, None), family, LEARNING, 0, 20, "0" * 64, source_set)
         for name, options in (("zero", {}), ("ptrs", {"phi": "mean-max", "init": {"name": "mean", "b": 1}}))
     ]
     parts = told(settings.blocks(runs))
-    assert parts["Source tasks"] == [Pairs([("family", "gridworld"), ("tasks", "100")])]
-    assert parts["Fits"] == [Pairs([("estimator", "mle")])]
-    assert parts["Target tasks"] == [Pairs([("family", "gridworld"), ("seed", "0")])]
+    learned = [("alpha", "0.1"), ("gamma", "0.95"), ("horizon", "50")]
+    drawn = [("family", "gridworld"), ("learner", "exact"), *learned, ("tasks", "100")]
+    assert parts["Source tasks"] == [Pairs(drawn)]
+    assert parts["Fits"] == [Pairs([("estimator", "shen")])]
+    [targets] = parts["Target tasks"]
+    assert isinstance(targets, Pairs)
+    assert {("family", "gridworld"), ("seed", "0"), ("tasks", "20"), *learned} < set(targets.pairs)
     [methods] = parts["Methods"]
     assert isinstance(methods, Table)
     assert texts(methods) == [["zero", "", "", ""], ["ptrs", "mean-max", "mean", "1"]]

@@ -1,0 +1,192 @@
+"""Settings: every one counts, and what is read is what was written, of every family, method and kind."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from qinit_cli.artefacts import settings
+from qinit_cli.artefacts.settings import (
+    FitSettings,
+    RunSettings,
+    SourceSet,
+    SourcesSettings,
+    StoredFamily,
+    TuningSettings,
+)
+from qinit_cli.environments import FAMILIES
+from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.environments.gym import Gym
+from qinit_cli.errors import NotAllowed
+from qinit_cli.fitted import FitOptions
+from qinit_cli.methods import METHODS
+from qinit_cli.methods.logqinit_median import LogQInitMedian
+from qinit_cli.tasks import SourceTasks, TargetTasks
+
+SOURCES = SourceTasks(Gridworld(), "q-learning", Gridworld.source_learning, 0)
+HASH = "0" * 64
+FITTED = FitSettings.of(SourcesSettings.of(SOURCES, 10), HASH, FitOptions())
+TARGETS = TargetTasks(Gridworld(), Gridworld.target_learning, 0, False)
+
+
+NEEDED = {"gym": {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]}}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_family_survives_being_stored(name: str) -> None:
+    family = FAMILIES[name](**NEEDED.get(name, {}))
+    made = SourcesSettings.of(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
+    read = SourcesSettings.read(json.loads(json.dumps(made.spec())))
+    assert read.family.installed() == family
+    assert read.spec() == made.spec()
+
+
+def test_a_family_nobody_knows_is_refused_by_name() -> None:
+    with pytest.raises(NotAllowed, match="the family maze is not installed here; known are gridworld"):
+        StoredFamily.read({"name": "maze"}).installed()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(SOURCES, family=Gridworld(variance=3)),
+        replace(SOURCES, family=Gridworld(p_low=0.7)),
+        replace(SOURCES, learning=replace(SOURCES.learning, alpha=0.2)),
+        replace(SOURCES, learning=replace(SOURCES.learning, start="fixed")),
+        replace(SOURCES, learner="exact"),
+        replace(SOURCES, seed=1),
+    ],
+)
+def test_every_setting_of_sources_is_in_their_spec(other: SourceTasks) -> None:
+    assert SourcesSettings.of(other, 10).spec() != SourcesSettings.of(SOURCES, 10).spec()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(TARGETS, family=Gridworld(goals="uniform")),
+        replace(TARGETS, learning=replace(TARGETS.learning, epsilon=0.2)),
+        replace(TARGETS, seed=1),
+        replace(TARGETS, keep_q=True),
+    ],
+)
+def test_every_setting_of_targets_is_in_a_runs_spec(other: TargetTasks) -> None:
+    method = LogQInitMedian()
+    made, usual = (RunSettings.of(method, targets, 10, HASH, FITTED).spec() for targets in (other, TARGETS))
+    assert made != usual
+
+
+def test_a_runs_spec_tells_methods_their_options_and_fits_apart() -> None:
+    made = [
+        RunSettings.of(METHODS["zero"](), TARGETS, 10, "a", FITTED),
+        RunSettings.of(LogQInitMedian(), TARGETS, 10, "a", FITTED),
+        RunSettings.of(LogQInitMedian(fallback="largest"), TARGETS, 10, "a", FITTED),
+        RunSettings.of(LogQInitMedian(), TARGETS, 10, "b", FITTED),
+    ]
+    assert len({json.dumps(one.spec(), sort_keys=True) for one in made}) == len(made)
+
+
+def test_episodes_and_exploration_are_no_settings_of_exact_sources() -> None:
+    one = replace(SOURCES, learner="exact")
+    other = replace(one, learning=replace(one.learning, episodes=7, epsilon=0.9))
+    assert SourcesSettings.of(one, 10) == SourcesSettings.of(other, 10)
+    told = SourcesSettings.of(one, 10).spec()["learning"]
+    assert set(told) == {"alpha", "gamma", "horizon"}
+
+
+def test_a_fit_keeps_its_sources_settings_so_that_it_travels_alone() -> None:
+    source = SourcesSettings.of(SOURCES, 10)
+    spec = FitSettings.of(source, HASH, FitOptions(estimator="umvue", library=3)).spec()
+    assert FitSettings.read(spec).sources == source
+    assert (spec["inputs"], spec["estimator"], spec["library"]) == ([HASH], "umvue", 3)
+
+
+def test_a_source_set_is_its_sources_however_they_are_fitted() -> None:
+    again = FitSettings.of(SourcesSettings.of(SOURCES, 10), HASH, FitOptions(estimator="umvue"))
+    shifted = SourcesSettings.of(replace(SOURCES, family=Gridworld(variance=3)), 10)
+    first = SourceSet.of(FITTED).spec()
+    assert SourceSet.of(again).spec() == first | {"estimator": "umvue"}
+    other = SourceSet.of(FitSettings.of(shifted, "others", FitOptions())).spec()
+    assert other == first | {"sources": "others", "family": other["family"]}
+    assert other["family"]["variance"] == 3
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_of_each_method_on_each_family_is_read_as_it_was_written(family: str, method: str) -> None:
+    own = FAMILIES[family](**NEEDED.get(family, {}))
+    sources = SourcesSettings.of(SourceTasks(own, "exact", own.source_learning, 3), 10)
+    fit = FitSettings.of(sources, HASH, FitOptions(holdout=2))
+    targets = TargetTasks(own, own.target_learning, 5, keep_q=True, evaluate_every=7)
+    run = RunSettings.of(METHODS[method](), targets, 20, HASH, fit)
+    for made in (fit, replace(run, method=replace(run.method, label="updated", min_visits=50))):
+        read = type(made).read(json.loads(json.dumps(made.spec())))
+        assert read.spec() == made.spec()
+    assert RunSettings.read(run.spec()).method.installed().on(own) == METHODS[method]().on(own)
+
+
+def test_a_tuning_is_read_as_it_was_written() -> None:
+    sources = SourcesSettings.of(SOURCES, 10)
+    made = TuningSettings.of(METHODS["ucoi"](), {"kappa": (1.0, 3.0)}, TARGETS, sources, HASH, 10)
+    assert TuningSettings.read(json.loads(json.dumps(made.spec()))).spec() == made.spec()
+
+
+def test_options_that_an_earlier_version_did_not_have_are_read_and_not_written() -> None:
+    told = FITTED.spec()
+    for name in ("eopl_normality", "exclude_unlearned"):
+        del told[name]
+    read = FitSettings.read(told)
+    assert (read.options, read.spec()) == (FitOptions(), told)
+    assert "exclude_unlearned" not in SourceSet.of(read).spec()
+
+
+def test_a_plug_in_that_is_not_installed_keeps_its_settings() -> None:
+    run = RunSettings.of(METHODS["zero"](), TARGETS, 10, HASH, FITTED).spec()
+    run["family"] = {"name": "maze", "walls": 3}
+    run["method"] = {"name": "hopeful", "label": "hopeful", "hope": 0.5}
+    read = RunSettings.read(run)
+    assert read.spec() == run
+    assert (read.family.here, read.method.here, read.family.label) == (None, None, "maze walls=3")
+    assert read.method.reads_sources  # for all that is known
+    with pytest.raises(NotAllowed, match="the method hopeful is not installed here"):
+        read.method.installed()
+
+
+def test_packages_that_a_family_depends_on_stand_beside_the_settings_and_not_in_them() -> None:
+    from importlib.metadata import version
+
+    family = FAMILIES["gym"](**NEEDED["gym"])
+    made = SourcesSettings.of(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
+    assert settings.plug_ins(made) == {"gymnasium": version("gymnasium")}
+    assert version("gymnasium") not in json.dumps(made.spec())
+    assert settings.plug_ins(RunSettings.of(METHODS["zero"](), TARGETS, 10, HASH, FITTED)) == {}
+
+
+def test_gymnasium_tasks_of_an_earlier_version_are_learned_anew_and_told(
+    here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("train-sources", "gym", "FrozenLake-v1", "--vary", "success_rate=uniform:0.4,0.9", "--tasks", 3,
+             "--learner", "exact")  # fmt: skip
+    with monkeypatch.context() as earlier:
+        earlier.setattr(Gym, "algorithm", 1)
+        old = here(*words)
+        assert "warning" not in old.err
+        here("fit", old.out.strip(), "-o", "old-fit.h5")
+    for read in (("show", old.out.strip()), ("fit", old.out.strip(), "-o", "fit.h5"), ("show", "old-fit.h5"),
+                 ("transfer", "mean", "old-fit.h5", "--tasks", 2, "--episodes", 5)):  # fmt: skip
+        ended = here(*read)
+        assert ended.code == 0, ended.err
+        assert "learned by an earlier version: its wrappers were left out" in " ".join(ended.err.split())
+    new = here(*words)
+    assert new.out != old.out
+    assert "3 tasks learned" in new.err
+    assert "earlier version" not in here("fit", new.out.strip(), "-o", "new-fit.h5").err
+
+
+def test_families_but_gymnasium_have_the_version_of_all() -> None:
+    versions = {name: settings._algorithm(family) for name, family in FAMILIES.items()}
+    assert versions.pop("gym") == 2
+    assert set(versions.values()) == {settings.ALGORITHM} == {1}
