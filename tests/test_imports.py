@@ -229,3 +229,29 @@ def test_every_module_can_be_the_first_one_imported() -> None:
     modules = [module for module in MODULES if not module.startswith("qinit_cli.kernels")]
     assert all(importlib.util.find_spec(module) for module in modules)
     subprocess.run([sys.executable, "-c", script, *modules], check=True, timeout=300)
+
+
+def _told_raw(tree: ast.AST) -> Iterator[int]:
+    """The lines that pick a setting out of what the store keeps of them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript):
+            owner: ast.expr = node.value
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "get":
+            owner = node.func.value
+        else:
+            continue
+        if getattr(owner, "attr", getattr(owner, "id", "")) == "spec":
+            yield node.lineno
+
+
+def test_settings_are_read_by_their_dataclasses_alone() -> None:
+    rooms = (name for name in MODULES if not name.startswith(("qinit_store", "qinit_cli.artefacts")))
+    found = {f"{name}:{line}" for name in rooms for line in _told_raw(ast.parse(MODULES[name].read_text()))}
+    assert found == set()
+
+
+@pytest.mark.parametrize(
+    "line", ['artefact.spec["seed"]', 'spec.get("seed")', 'run.spec["learning"]["gamma"]']
+)
+def test_a_setting_that_is_picked_out_of_what_the_store_keeps_is_found(line: str) -> None:
+    assert list(_told_raw(ast.parse(line))) == [1]

@@ -48,8 +48,9 @@ class FitKind(Kind["FitSettings"]):
         return fit_schema(states, action, library, *fit_statistics(everything, names)).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
-        tasks = self.read(artefact.spec).sources.tasks
-        longest = {f"{name}_mean": steps for name, steps in self.longest_path(artefact).items()}
+        sources = self.read(artefact.spec).sources
+        tasks = sources.tasks
+        longest = {f"{name}_mean": steps for name, steps in self.longest_path(artefact, sources).items()}
         return {"n": tasks, "n_masked": tasks, "eopl_n": tasks, "library_task": tasks - 1, **longest}
 
     def check_values(self, artefact: Artefact) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeVar
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
-    from qinit_cli.artefacts.settings import Settings, Spec
+    from qinit_cli.artefacts.settings import Settings, SourcesSettings, Spec
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
@@ -140,13 +140,12 @@ class Kind(ABC, Generic[Told]):
         *states, action = (axes[name] for name in table.dims if name != "task")
         return tuple(states), action
 
-    def longest_path(self, artefact: Artefact) -> dict[str, float]:
+    def longest_path(self, artefact: Artefact, drawn: SourcesSettings) -> dict[str, float]:
         """The most steps of a path of sources: it meets no state twice, or ends at the horizon; none for a plug-in's family."""
         import math
 
         from qinit_cli.environments import FAMILIES
 
-        drawn = self.read(artefact.spec).sources
         if not FAMILIES.is_own(drawn.family.name):
             return {}
         states, _ = self.axes(artefact)

@@ -10,7 +10,7 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import NotAllowed, QinitError
@@ -156,6 +156,35 @@ class StoredMethod:
     def reads_sources(self) -> bool:
         """Whether other sources would make it start otherwise; so it is of a method that is not installed."""
         return self.here is None or self.here.reads_sources
+
+
+class Drawn(Protocol):
+    """How the tasks of an artefact were drawn."""
+
+    @property
+    def algorithm_version(self) -> int:
+        """That of the program that learned them."""
+
+    @property
+    def family(self) -> StoredFamily:
+        """What they were drawn from."""
+
+    @property
+    def tasks(self) -> int:
+        """How many there are to be."""
+
+
+class Settings(Protocol):
+    """What decides the numbers of an artefact; each kind has a dataclass of its own."""
+
+    kind: ClassVar[str]
+
+    @property
+    def sources(self) -> Drawn:
+        """How its tasks, or those that it was made of, were drawn."""
+
+    def spec(self) -> dict[str, Any]:
+        """As the store keeps them."""
 
 
 @dataclass(frozen=True)
@@ -500,9 +529,6 @@ class TuningSettings:
         }
 
 
-Settings = SourcesSettings | FitSettings | RunSettings | TuningSettings
-
-
 def plug_ins(settings: Settings) -> dict[str, str]:
     """The plug-ins whose families and methods they name: "plug-in NAME", and the distribution with its version.
 
@@ -510,15 +536,13 @@ def plug_ins(settings: Settings) -> dict[str, str]:
     """
     from importlib.metadata import version
 
-    families = {
-        each.family.name for each in (settings, settings.sources) if not isinstance(each, FitSettings)
-    }
+    family = settings.sources.family.name
     methods = set(settings.initialisations or ()) if isinstance(settings, FitSettings) else set()
     if isinstance(settings, RunSettings | TuningSettings):
         methods |= {settings.method.name, settings.method.start}
-    packages = [(name, FAMILIES.package(name)) for name in sorted(families)]
+    packages = [(family, FAMILIES.package(family))]
     packages += [(name, METHODS.package(name)) for name in sorted(methods)]
-    needed = {each for name in families for each in getattr(FAMILIES.get(name), "packages", ())}
+    needed = getattr(FAMILIES.get(family), "packages", ())
     return {f"{PLUG_IN} {name}": package for name, package in packages if package} | {
         each: version(each) for each in sorted(needed)
     }

@@ -55,14 +55,14 @@ class SourcesKind(Kind["SourcesSettings"]):
     def highest(self, artefact: Artefact) -> dict[str, float]:
         settings = self.read(artefact.spec)
         if settings.learner == "exact":
-            return {"steps": 0, "visits": 0, **self.longest_path(artefact)}
+            return {"steps": 0, "visits": 0, **self.longest_path(artefact, settings)}
         learning = settings.learning
         most = learning.episodes * learning.horizon
         return {
             "steps": most,
             "visits": most,
             "curve_steps": learning.horizon,
-            **self.longest_path(artefact),
+            **self.longest_path(artefact, settings),
         }
 
     def shown(self, artefact: Artefact) -> Shown:

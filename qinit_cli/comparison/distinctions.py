@@ -46,7 +46,7 @@ def settings(told: Settings | SourceSet, *, reads_sources: bool = True, labelled
             return found | dict(
                 _own({name: getattr(told.fitted, name) for name in told.given}, None, labelled=labelled)
             )
-    family = None if isinstance(told, FitSettings) else told.family
+    family = None if isinstance(told, FitSettings) else told.sources.family
     return found | dict(_own(told.spec(), family, labelled=labelled))
 
 

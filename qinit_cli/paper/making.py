@@ -75,7 +75,7 @@ class Place:
         except StoreError:
             return False
         same = canonical_json(there.spec) == canonical_json(self.settings.spec())
-        return same and (isinstance(self.settings, FitSettings) or there.tasks == self.settings.tasks)
+        return same and (isinstance(self.settings, FitSettings) or there.tasks == self.settings.sources.tasks)
 
 
 @dataclass
