@@ -17,7 +17,7 @@ from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, with_values
-from qinit_cli.environments.gym_making import Settings, made
+from qinit_cli.environments.gym_making import KeywordArguments, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import with_module
@@ -373,14 +373,14 @@ class Gym(TableFamily):
         return tuple(map(Variation.read, self._texts("vary")))
 
     @property
-    def _settings(self) -> Settings:
-        return Settings(map(setting, self._texts("set")))
+    def _settings(self) -> KeywordArguments:
+        return KeywordArguments(map(setting, self._texts("set")))
 
     def _texts(self, name: str) -> tuple[str, ...]:
         return tuple(getattr(self, name) or ())
 
     @property
-    def _example(self) -> Settings:
+    def _example(self) -> KeywordArguments:
         """What an environment is made with that stands for all: what is varied is drawn with a fixed seed."""
         return examples(self._settings, self._variations)[0]
 
@@ -395,7 +395,7 @@ class Gym(TableFamily):
             return ""
         return doubt(self.env_id, self._settings, self._variations, self.goal or "")
 
-    def _of(self, task: Any) -> Settings:
+    def _of(self, task: Any) -> KeywordArguments:
         """What the task's environment is made with."""
         return with_values(self._settings, [(each, task[each.column].item()) for each in self._variations])
 

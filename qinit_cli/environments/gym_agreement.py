@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_episodes import numbered, reset_state
-from qinit_cli.environments.gym_making import Settings, opened
+from qinit_cli.environments.gym_making import KeywordArguments, opened
 from qinit_cli.environments.gym_tables import TransitionTable, read, table
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ REWARD = 1e-6  # by which a reward may differ: single precision
 
 
 @lru_cache(64)
-def disagreement(env_id: str, settings: Settings, goal: str, steps: int) -> str:
+def disagreement(env_id: str, settings: KeywordArguments, goal: str, steps: int) -> str:
     """The first of so many sampled steps that disagrees with the table, in words; empty if all agree.
 
     Seeds and actions are fixed, so that the answer is the same every time.
@@ -113,7 +113,7 @@ def _doubted(count: int, tried: int, probability: float) -> bool:
     return tried * bound > DOUBT
 
 
-def _likelihoods(env_id: str, settings: Settings) -> list[list[dict[Outcome, float]]]:
+def _likelihoods(env_id: str, settings: KeywordArguments) -> list[list[dict[Outcome, float]]]:
     there = read(env_id, settings)
     said: list[list[dict[Outcome, float]]] = [[{} for _ in actions] for actions in there.ways]
     for state, action, (probability, after, reward, end) in there:

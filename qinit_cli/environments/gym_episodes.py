@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from qinit_cli.environments.foreign import Improper, aside, fault
-from qinit_cli.environments.gym_making import Settings, close, has_table, opened
+from qinit_cli.environments.gym_making import KeywordArguments, close, has_table, opened
 from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
 
@@ -115,7 +115,7 @@ def numbered(observation: Any, first: int, states: int) -> int:
 
 
 @lru_cache(KEPT)
-def shortest_cut(env_id: str, settings: Settings) -> int:
+def shortest_cut(env_id: str, settings: KeywordArguments) -> int:
     """Steps after which the environment was first seen to cut an episode off, 0: never, where it is the same made twice.
 
     It is made twice, and both play the same episodes step by step in turn, so that shared randomness shows too; then the first
@@ -150,7 +150,7 @@ class _Both:
     """An environment that was made twice."""
 
     env_id: str
-    settings: Settings
+    settings: KeywordArguments
     one: Any
     other: Any
     begun: list[int] = field(default_factory=list)  # the seeds of the episodes

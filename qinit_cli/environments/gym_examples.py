@@ -8,7 +8,7 @@ from typing import Any
 
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_agreement import disagreement
-from qinit_cli.environments.gym_making import Settings, opened
+from qinit_cli.environments.gym_making import KeywordArguments, opened
 from qinit_cli.environments.gym_tables import End, TransitionTable, table
 from qinit_cli.environments.variation import Variation
 from qinit_cli.errors import NotAllowed, UsageError
@@ -19,13 +19,13 @@ STEPS, FEWER_STEPS = 4_000, 1_000
 PLAYED = 300  # steps of each task without a table in which what is varied may show
 
 
-def with_values(settings: Settings, drawn: Iterable[tuple[Variation, Any]]) -> Settings:
+def with_values(settings: KeywordArguments, drawn: Iterable[tuple[Variation, Any]]) -> KeywordArguments:
     """The settings, and what was drawn for each variation, in a form that can be kept."""
-    return Settings((*settings, *((each.name, each.value(value)) for each, value in drawn)))
+    return KeywordArguments((*settings, *((each.name, each.value(value)) for each, value in drawn)))
 
 
 @lru_cache(64)
-def examples(settings: Settings, variations: tuple[Variation, ...]) -> tuple[Settings, ...]:
+def examples(settings: KeywordArguments, variations: tuple[Variation, ...]) -> tuple[KeywordArguments, ...]:
     """What some tasks are made with; one of them where nothing is varied."""
     import numpy as np
 
@@ -37,7 +37,7 @@ def examples(settings: Settings, variations: tuple[Variation, ...]) -> tuple[Set
 
 
 @lru_cache(64)
-def doubt(env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str) -> str:
+def doubt(env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str) -> str:
     """Why the tables of these tasks are not believed; empty if they are. NotAllowed where the example's is faulty."""
     first, *others = examples(settings, variations)
     found = [(first, disagreement(env_id, first, goal, STEPS))]
@@ -53,7 +53,7 @@ def doubt(env_id: str, settings: Settings, variations: tuple[Variation, ...], go
 
 
 def ends(
-    env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str
+    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str
 ) -> tuple[list[End], list[End]]:
     """The ends of these tasks that are the goal, and the others."""
     tables = [
@@ -65,7 +65,7 @@ def ends(
 
 @lru_cache(64)
 def idle(
-    env_id: str, settings: Settings, variations: tuple[Variation, ...], goal: str | None
+    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str | None
 ) -> tuple[str, ...]:
     """Names of what is varied and seems to change nothing, by the tables, or by played steps if `goal` is None."""
     first, *_ = examples(settings, variations)
@@ -73,7 +73,7 @@ def idle(
     found = []
     for each in variations:
         others = [
-            Settings((name, dict(one)[name] if name == each.name else value) for name, value in first)
+            KeywordArguments((name, dict(one)[name] if name == each.name else value) for name, value in first)
             for one in examples(settings, variations)
         ]
         shown = [
@@ -84,7 +84,7 @@ def idle(
     return tuple(found)
 
 
-def _if_sound(does: Callable[[Settings], Any], settings: Settings) -> Iterator[Any]:
+def _if_sound(does: Callable[[KeywordArguments], Any], settings: KeywordArguments) -> Iterator[Any]:
     """What is found of a task; nothing if that fails, which is reported once such a task is drawn."""
     try:
         yield does(settings)
@@ -92,11 +92,11 @@ def _if_sound(does: Callable[[Settings], Any], settings: Settings) -> Iterator[A
         return
 
 
-def _table_of(env_id: str, goal: str) -> Callable[[Settings], TransitionTable]:
+def _table_of(env_id: str, goal: str) -> Callable[[KeywordArguments], TransitionTable]:
     return lambda settings: table(env_id, settings, goal)
 
 
-def _bits(env_id: str, settings: Settings, goal: str) -> Any:
+def _bits(env_id: str, settings: KeywordArguments, goal: str) -> Any:
     """The table, in a form that can be compared."""
     there = table(env_id, settings, goal)
     return there.after.shape, *(
@@ -104,7 +104,7 @@ def _bits(env_id: str, settings: Settings, goal: str) -> Any:
     )
 
 
-def _played(env_id: str, settings: Settings, goal: str) -> Any:
+def _played(env_id: str, settings: KeywordArguments, goal: str) -> Any:
     """What PLAYED steps show, whose seeds and actions are fixed."""
     import numpy as np
 

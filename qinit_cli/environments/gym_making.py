@@ -24,7 +24,7 @@ TRANSPARENT = {
 }
 
 
-class Settings(tuple[tuple[str, Any], ...]):
+class KeywordArguments(tuple[tuple[str, Any], ...]):
     """Names and values that an environment is made with; equal where they are written alike.
 
     So a list can stand among the keys of a cache, and 1, 1.0 and True are three values.
@@ -34,7 +34,7 @@ class Settings(tuple[tuple[str, Any], ...]):
         return hash(repr(self))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Settings) and repr(self) == repr(other)
+        return isinstance(other, KeywordArguments) and repr(self) == repr(other)
 
     @property
     def told(self) -> str:
@@ -42,11 +42,11 @@ class Settings(tuple[tuple[str, Any], ...]):
         return ", ".join(f"{name}={value}" for name, value in self) or "its defaults"
 
 
-NOTHING_SET = Settings()
+NOTHING_SET = KeywordArguments()
 
 
 @contextmanager
-def opened(env_id: str, settings: Settings) -> Iterator[Any]:
+def opened(env_id: str, settings: KeywordArguments) -> Iterator[Any]:
     """The environment, closed behind whoever uses it; what it prints goes to stderr, and what it raises bears its name."""
     with aside():
         env = made(env_id, settings)
@@ -65,7 +65,7 @@ def close(env: Any, env_id: str) -> None:
         env.close()
 
 
-def made(env_id: str, settings: Settings) -> Any:
+def made(env_id: str, settings: KeywordArguments) -> Any:
     """The environment that gymnasium makes, constructor arguments and attributes as set; UsageError where that cannot be."""
     try:
         with aside():  # its plug-ins are imported with it
@@ -96,7 +96,7 @@ def made(env_id: str, settings: Settings) -> Any:
     return env
 
 
-def _constructed(env_id: str, bare: str, settings: Settings) -> tuple[Any, list[str], dict[str, Any]]:
+def _constructed(env_id: str, bare: str, settings: KeywordArguments) -> tuple[Any, list[str], dict[str, Any]]:
     """The environment, the names that its constructor is known to take, and the settings that it was not given."""
     import gymnasium
 

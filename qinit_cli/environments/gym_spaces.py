@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_episodes import numbered, reset_state, shortest_cut
-from qinit_cli.environments.gym_making import Settings, has_table, opened, time_limit
+from qinit_cli.environments.gym_making import KeywordArguments, has_table, opened, time_limit
 from qinit_cli.environments.gym_tables import read
 from qinit_cli.errors import UsageError
 
@@ -78,7 +78,7 @@ def _row(observation: Any, length: int) -> list[float]:
 
 
 @lru_cache(64)
-def seen(env_id: str, settings: Settings, bins: str, ranges: tuple[str, ...]) -> Seen:
+def seen(env_id: str, settings: KeywordArguments, bins: str, ranges: tuple[str, ...]) -> Seen:
     """What it finds; UsageError for spaces that do not suit, NotAllowed for a faulty table or unseeded randomness."""
     import numpy as np
 

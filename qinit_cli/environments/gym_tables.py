@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import Improper
-from qinit_cli.environments.gym_making import Settings, opened
+from qinit_cli.environments.gym_making import KeywordArguments, opened
 from qinit_cli.environments.gym_transitions import Transitions, transitions
 from qinit_cli.errors import NotAllowed, UsageError
 
@@ -67,7 +67,7 @@ def verdict(goal: str) -> Callable[[Any], bool]:
 
 
 @lru_cache(KEPT)
-def table(env_id: str, settings: Settings, goal: str) -> TransitionTable:
+def table(env_id: str, settings: KeywordArguments, goal: str) -> TransitionTable:
     """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
@@ -102,7 +102,7 @@ def table(env_id: str, settings: Settings, goal: str) -> TransitionTable:
 
 
 @lru_cache(KEPT_UNREAD)
-def read(env_id: str, settings: Settings) -> Transitions:
+def read(env_id: str, settings: KeywordArguments) -> Transitions:
     """What the environment's own table says; NotAllowed where it is faulty."""
     with opened(env_id, settings) as env:
         return transitions(env_id, settings, env)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments.gym_making import Settings
+from qinit_cli.environments.gym_making import KeywordArguments
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Faulty(ValueError):
     """What is wrong with a table, and where."""
 
 
-def transitions(env_id: str, settings: Settings, env: Any) -> Transitions:
+def transitions(env_id: str, settings: KeywordArguments, env: Any) -> Transitions:
     """The environment's table; NotAllowed, with the state and the action, where it is none for the spaces it has."""
     states, actions = int(env.observation_space.n), int(env.action_space.n)
     bare = env.unwrapped

@@ -12,7 +12,7 @@ import pytest
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_agreement import disagreement
-from qinit_cli.environments.gym_making import Settings
+from qinit_cli.environments.gym_making import KeywordArguments
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.seeding import Stream
 
@@ -437,7 +437,7 @@ def test_no_column_of_what_is_varied_has_the_name_of_another(tabled: Callable[..
 
 
 def test_sampling_is_the_same_every_time() -> None:
-    fickle = Settings([("fickle_passenger", True)])
+    fickle = KeywordArguments([("fickle_passenger", True)])
     found = []
     for _ in range(2):
         disagreement.cache_clear()
