@@ -158,7 +158,7 @@ class StoredMethod:
         return self.here is None or self.here.reads_sources
 
 
-class Drawn(Protocol):
+class DrawnTasks(Protocol):
     """How the tasks of an artefact were drawn."""
 
     @property
@@ -180,7 +180,7 @@ class Settings(Protocol):
     kind: ClassVar[str]
 
     @property
-    def sources(self) -> Drawn:
+    def sources(self) -> DrawnTasks:
         """How its tasks, or those that it was made of, were drawn."""
 
     def spec(self) -> dict[str, Any]:
