@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeVar
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
     from qinit_cli.artefacts.settings import Settings, SourcesSettings, Spec
+    from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
@@ -150,6 +151,21 @@ class Kind(ABC, Generic[Told]):
             return {}
         states, _ = self.axes(artefact)
         return {"eopl": 1.0 + max(math.prod(axis.values.size for axis in states), drawn.learning.horizon)}
+
+    def family(self, artefact: Artefact) -> Family:
+        """The family of its tasks; NotAllowed if that is not installed, or has other states here."""
+        from qinit_cli.errors import NotAllowed
+
+        family = self.read(artefact.spec).sources.family.installed(artefact.provenance)
+        wanted = (*family.shape, len(family.actions))
+        column = next(one for one in artefact.schema.columns if one.name == self.table)
+        if (there := artefact.schema.row_shape(column)) != wanted:
+            there_told, here_told = (" x ".join(map(str, shape)) for shape in (there, wanted))
+            raise NotAllowed(
+                f"the tables of {artefact.path} are over {there_told} states and actions, {family.label} has {here_told}; "
+                "install the version of its package that they were made with"
+            )
+        return family
 
     @abstractmethod
     def shown(self, artefact: Artefact) -> Shown:

@@ -15,7 +15,6 @@ import numpy as np
 from qinit_cli.artefacts.kinds import KINDS, read
 from qinit_cli.artefacts.settings import RunSettings, Settings
 from qinit_cli.environments import Family
-from qinit_cli.errors import NotAllowed
 from qinit_store import reading
 from qinit_store.held import Held
 from qinit_store.reading import Artefact, Description
@@ -86,16 +85,7 @@ def settings_of(entry: Description) -> Settings | None:
 
 def family_in(artefact: Artefact) -> Family:
     """The family of its tasks; NotAllowed if that is not installed, or has other states here."""
-    family = read(artefact.kind, artefact.spec).sources.family.installed(artefact.provenance)
-    wanted = (*family.shape, len(family.actions))
-    column = next(one for one in artefact.schema.columns if one.name == KINDS[artefact.kind].table)
-    if (there := artefact.schema.row_shape(column)) != wanted:
-        there_told, here_told = (" x ".join(map(str, shape)) for shape in (there, wanted))
-        raise NotAllowed(
-            f"the tables of {artefact.path} are over {there_told} states and actions, {family.label} has {here_told}; install "
-            "the version of its package that they were made with"
-        )
-    return family
+    return KINDS[artefact.kind].family(artefact)
 
 
 def action_axis(family: Family) -> Axis:

@@ -68,12 +68,11 @@ class SourcesKind(Kind["SourcesSettings"]):
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np
 
-        from qinit_cli.artefacts.opening import family_in
         from qinit_cli.elementary import ln
         from qinit_cli.environments.family import relative_error
 
         settings = self.read(artefact.spec)
-        family = None if settings.family.here is None else family_in(artefact)
+        family = None if settings.family.here is None else self.family(artefact)
         compared = family is not None and family.tabular and settings.learner != "exact"
         solved = steps = unvisited = not_positive = entries = 0
         seconds = 0.0

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from qinit_cli.commands.option_groups import Display
-from qinit_cli.pipeline.reporter import Progress, Reporter, Whole
+from qinit_cli.pipeline.reporter import Progress, Reporter
 from qinit_cli.streams import in_encoding_of
 from qinit_cli.wrapping import columns, wrapped
 from qinit_store.wording import counted, printable
@@ -109,12 +109,6 @@ class Printed(Reporter):
     def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
         """A bar on a terminal, else plain lines."""
         return TaskBar(self._display, what, done, total, watch)
-
-    def whole(self, count: int, expected: float) -> Whole:
-        """The same over several things to make."""
-        from qinit_cli.commands.whole_bar import WholeBar
-
-        return WholeBar(self._display, count, expected)
 
 
 class TaskBar(Progress):

@@ -11,7 +11,7 @@ from typing import Literal
 import typer
 
 from qinit_cli import cores
-from qinit_cli.commands.console import Printed, print_path
+from qinit_cli.commands.console import print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
 from qinit_cli.commands.typer_commands import add_command
 from qinit_cli.options import check, option
@@ -114,7 +114,9 @@ def reproduce(
     if into.dry_run and into.json:
         print(json.dumps(ahead.told(), allow_nan=False))
         return
-    reporter = Printed(display)
+    from qinit_cli.commands.whole_bar import PrintedWhole
+
+    reporter = PrintedWhole(display)
     ahead.report(reporter)
     if into.dry_run:
         return

@@ -20,6 +20,14 @@ TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by
 WINDOW = 20  # ... of so many things: the first ones wait for the compiler
 
 
+class PrintedWhole(Printed):
+    """Reports on stderr, several things to make as one."""
+
+    def whole(self, count: int, expected: float) -> Whole:
+        """One bar on a terminal, else plain lines."""
+        return WholeBar(self._display, count, expected)
+
+
 class WholeBar(Printed, Whole):
     """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact."""
 

@@ -56,11 +56,11 @@ def foresee(
     Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
     still have become much shorter, the time is overestimated.
     """
-    from qinit_cli.pipeline.room import Footprint, check_artefact, check_memory
+    from qinit_cli.pipeline.room import check_artefact, check_memory
     from qinit_cli.watch import Watch
 
-    check_artefact(Footprint.of(plan))
-    check_memory(Footprint.of(trial), trial.count, 1)
+    check_artefact(plan.footprint)
+    check_memory(trial.footprint, trial.count, 1)
     path, count = place(plan, keeping, machine), len(share_of(plan.count, *machine.share))
     missing = max(0, count - _saved(path, plan, keeping, share=count < plan.count))
     ids = np.arange(trial.count)

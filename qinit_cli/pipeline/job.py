@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ from qinit_store.wording import counted, noun, shell_line
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.artefacts.settings import RunSettings, SourcesSettings, TuningSettings
+    from qinit_cli.pipeline.room import Footprint
     from qinit_cli.pipeline.workers import Crew, Learn
     from qinit_cli.watch import Watch
     from qinit_store.held import Held, HeldWork
@@ -72,6 +74,15 @@ class Plan:
         """How many tasks there are."""
         return self.settings.tasks
 
+    @property
+    def footprint(self) -> Footprint:
+        """The bytes that it takes."""
+        from qinit_cli.pipeline.room import Footprint
+
+        columns = [column for column in self.schema.task_columns if column.little_endian.kind == "f"]
+        real = sum(math.prod(self.schema.row_shape(one)) * one.little_endian.itemsize for one in columns)
+        return Footprint(self.count, self.schema.task_bytes, real, self.learning_bytes)
+
 
 @dataclass(frozen=True)
 class Made:
@@ -94,10 +105,10 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
 
     NotAllowed or SystemFailed where it would not fit, see `room`.
     """
-    from qinit_cli.pipeline.room import Footprint, check_artefact, check_room
+    from qinit_cli.pipeline.room import check_artefact, check_room
     from qinit_store.held import HeldWork
 
-    check_artefact(Footprint.of(plan))
+    check_artefact(plan.footprint)
     path, asked = place(plan, keeping, machine), share_of(plan.count, *machine.share)
     origin = provenance(keeping.command, plan.read, plan.settings)
     with working(path, plan.schema, plan.settings, keeping, origin, tasks=asked) as artefact:
@@ -110,7 +121,7 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
                 _take_over(artefact, asked, plan, keeping, reporter)
             missing = np.setdiff1d(asked, artefact.saved)
             check_room(
-                Footprint.of(plan),
+                plan.footprint,
                 len(missing),
                 None if keeping.in_memory else path,
                 None if machine.dask else machine.threads,

@@ -5,20 +5,15 @@ Each figure is a lower bound, so that nothing is refused that could have succeed
 
 from __future__ import annotations
 
-import math
 import os
 import resource
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from qinit_cli.errors import NotAllowed
 from qinit_store.errors import SystemFailed
 from qinit_store.wording import counted, noun, sized
-
-if TYPE_CHECKING:
-    from qinit_cli.pipeline.job import Plan
 
 KEPT_OF_A_TASK = 300  # bytes in memory: its id, its digest and where it is saved, as Python keeps them
 CGROUP = Path("/sys/fs/cgroup")
@@ -32,13 +27,6 @@ class Footprint:
     task: int  # of one, its row in the artefact
     uncompressed: int = 0  # of that, what takes as much on the disk while tasks are learned
     learning: int = 0  # what a task takes in memory while it is learned, beside its row
-
-    @classmethod
-    def of(cls, plan: Plan) -> Footprint:
-        """That of an artefact."""
-        columns = [column for column in plan.schema.task_columns if column.little_endian.kind == "f"]
-        real = sum(math.prod(plan.schema.row_shape(one)) * one.little_endian.itemsize for one in columns)
-        return cls(plan.count, plan.schema.task_bytes, real, plan.learning_bytes)
 
 
 def check_artefact(size: Footprint) -> None:
