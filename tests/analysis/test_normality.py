@@ -8,6 +8,7 @@ from scipy import stats
 from statsmodels.stats.diagnostic import lilliefors as statsmodels_lilliefors
 from statsmodels.stats.diagnostic import normal_ad
 
+from qinit_cli.analysis.empirical_tests import lilliefors
 from qinit_cli.analysis.normality import named_tests, normality, tasks_tested
 from qinit_cli.analysis.shapiro import shapiro_wilk, weights
 
@@ -124,3 +125,11 @@ def test_at_most_the_given_number_of_tasks_is_drawn_without_repetition() -> None
     assert len(drawn) == 5_000
     assert (np.diff(drawn) > 0).all()
     assert drawn.mean() == pytest.approx(10_000, rel=0.05)
+
+
+def test_a_sample_farther_off_than_every_simulated_one_has_the_least_p() -> None:
+    """The sample itself counts among the simulated ones, so that p is never 0."""
+    far = np.sort(np.append(np.random.default_rng(0).normal(0, 1, 29), 1e6))[None]
+    statistic, p = lilliefors(far, np.random.default_rng(1), resamples=99)
+    assert statistic[0] > 0.4  # of 30 normal values, one in 10^9 at most
+    assert p[0] == 1 / 100

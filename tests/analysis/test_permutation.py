@@ -86,4 +86,5 @@ def test_a_p_that_could_not_be_small_is_none() -> None:
 def test_targets_flip_of_one_source_set_and_whole_sets_of_several() -> None:
     rng = np.random.default_rng(0)
     assert paired_p(np.ones((1, 6)), rng) == 2 / 2**6
+    assert paired_p(np.ones((2, 6)), rng) == 2 / 2**2
     assert paired_p(np.ones((4, 6)), rng) == 2 / 2**4

@@ -136,6 +136,9 @@ def test_ucoi_lies_between_mean_and_maximum_by_confidence_and_spread() -> None:
     # values at either end: u = 1, so the maximum
     apart = replace(spread, std=np.full((4, 4), 0.2))
     np.testing.assert_allclose(_initial(Ucoi(), apart).start, 0.5)
+    # rounding can put a deviation beyond half the width, but no start beyond the maximum
+    beyond = replace(spread, std=np.full((4, 4), np.nextafter(0.2, 1) + 1e-9))
+    assert _initial(Ucoi(), beyond).start.max() <= 0.5
     # with kappa 0 a number of sources counts in full: b = u
     np.testing.assert_allclose(_initial(Ucoi(kappa=0), spread).start, 0.75 * 0.3 + 0.25 * 0.5)
 
@@ -353,6 +356,16 @@ def test_posterior_weighs_the_first_tables_of_the_library_by_its_own_rules() -> 
     )
     assert rules == (0.3, 0.2, 1.0, 7, 0.01)
     assert _initial(Posterior(library=0)).hypothesis_count == 0
+
+
+def test_posterior_weighs_tables_within_what_a_return_can_be() -> None:
+    odd = LIBRARY.copy()
+    odd[0, 0, 0], odd[1, 1, 1] = 1.5, -0.25
+    hypotheses = _initial(Posterior(), replace(FIT, library_q=odd)).hypotheses
+    assert hypotheses is not None
+    expected = LIBRARY.copy()
+    expected[0, 0, 0], expected[1, 1, 1] = 1.0, 0.0
+    np.testing.assert_array_equal(hypotheses.q, expected)
 
 
 def test_posteriors_evidence_is_centred_where_states_are_markov_and_bounded_elsewhere() -> None:

@@ -108,3 +108,8 @@ def test_marks_of_neighbouring_lines_do_not_coincide() -> None:
     pair = [Shown("mean", "mean"), Shown("ucoi", "ucoi")]
     first, second = (look.line(200, at)["markevery"] for at, look in enumerate(looks(pair)))
     assert first != second
+
+
+def test_a_method_has_a_whole_line_and_its_variant_a_broken_one() -> None:
+    found = looks([Shown("ucoi", "ucoi"), Shown("ucoi kappa=3.0", "ucoi")])
+    assert [one.dashes for one in found] == ["-", "--"]

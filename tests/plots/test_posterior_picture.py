@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from qinit_cli.plots.posterior import NUMBER_LABEL, SHARE_LABEL
+from qinit_cli.plots.posterior import NUMBER_LABEL, SHARE_LABEL, Weighed, _alt
 
 Draw = Callable[..., Any]
 
@@ -61,3 +61,10 @@ def test_runs_that_weigh_nothing_are_refused_by_name(refused: Draw, pipeline: An
     ended, sentence = refused("posterior", pipeline.runs[method])
     assert f"it is a run of {method}, not of posterior" in sentence
     assert ended == 4
+
+
+def test_the_alternative_text_counts_the_targets_of_all_runs_and_those_that_never_froze() -> None:
+    moments = np.array([0, 30])
+    shown = Weighed("posterior", moments, np.array([[4, 1.0]] * 3), np.array([[0.25, 0.9]] * 3))
+    runs = [(moments, np.ones((3, 2, 4)), 1), (moments, np.ones((2, 2, 4)), 0)]
+    assert "(medians of 5 targets, 1 of which never froze)" in _alt([shown], {"posterior": runs})
