@@ -155,6 +155,8 @@ def test_sources_tell_solved_steps_and_errors_against_exact_tables(
         q, best = learned["q"][...], solved["q"][...]
         assert numbers["solved"] == learned["solved"][...].sum()
         assert numbers["steps"] == learned["steps"][...].sum()
+        # the target start is cell (0, 0)
+        assert numbers["start_value_median"] == np.median(q[:, 0, 0].max(axis=1))
         assert numbers["entries_never_visited"] == (learned["visits"][...] == 0).sum()
     known = best > 0
     assert numbers["median_relative_error"] == pytest.approx(
