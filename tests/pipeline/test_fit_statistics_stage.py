@@ -250,7 +250,7 @@ def test_certain_moves_are_worth_gamma_to_one_step_less_and_the_length_explains_
     assert varies.any()
     np.testing.assert_allclose(arrays["theory_explained"][varies], 1, atol=1e-9)
     np.testing.assert_allclose(arrays["theory_explained_by_gamma"][varies], 1, atol=1e-9)
-    told = findings(arrays, {})["theory"]
+    told = findings(arrays, FitOptions())["theory"]
     assert told["explained_pooled"] == pytest.approx(1)
     assert told["forms"][1]["median_mean_ratio"] == pytest.approx(1)
 
@@ -319,7 +319,7 @@ def test_held_out_errors_of_each_start_are_plain_means(estimator: Any) -> None:
         np.testing.assert_allclose(arrays["held_out_absolute"][median], known, rtol=1e-9)
     else:
         assert np.isnan(arrays["held_out_absolute"][median]).all()
-    told = findings(arrays | {"initialisation": np.array(names, "S")}, {})["holdout"]
+    told = findings(arrays | {"initialisation": np.array(names, "S")}, FitOptions())["holdout"]
     rows = {row["initialisation"]: row for row in told["initialisations"]}
     assert rows["zero"]["absolute"] == pytest.approx(tables.mean())
     assert rows["zero"]["absolute_error"] == pytest.approx(stats.sem(tables.mean(axis=1)))
@@ -343,7 +343,7 @@ def test_findings_are_shares_and_medians_over_testable_cells() -> None:
     options = FitOptions(alternatives=True)
     arrays = _statistics(options)
     names = np.array(stage.contents(options).distributions, "S")
-    told = findings(arrays | {"distribution": names}, {"normality": "shapiro"})
+    told = findings(arrays | {"distribution": names}, FitOptions())
     assert told["normality"]["test"] == "Shapiro-Wilk"
     assert (told["normality"]["tested"], told["normality"]["not_testable"]) == (22, 2)
     assert told["normality"]["median_statistic"] == np.nanmedian(arrays["normality_w"])
@@ -357,5 +357,5 @@ def test_findings_are_shares_and_medians_over_testable_cells() -> None:
 
 def test_where_nothing_is_testable_the_findings_have_no_numbers() -> None:
     few = {name: values[:5] for name, values in SOURCES.items()}
-    told = findings(_statistics(FitOptions(), few), {"normality": "shapiro"})["normality"]
+    told = findings(_statistics(FitOptions(), few), FitOptions())["normality"]
     assert (told["tested"], told["rejected_raw"], told["median_statistic"]) == (0, None, None)
