@@ -44,7 +44,9 @@ class Alternatives:
         flat = np.where(np.isnan(signed), -np.inf, signed).reshape(len(self.names), -1)
         tested = np.isfinite(flat).any(axis=0)
         wins = np.bincount(flat[:, tested].argmax(axis=0), minlength=len(self.names))
-        return {name: float(won / max(1, tested.sum())) for name, won in zip(self.names, wins, strict=True)}
+        return {
+            name: float(won / max(1, int(tested.sum()))) for name, won in zip(self.names, wins, strict=True)
+        }
 
 
 def akaike(q: Floats) -> Alternatives:
