@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from running import Pipeline
 
 ROOT = Path(__file__).parents[1]
 OURS = {"qinit_cli": ROOT, "qinit_store": ROOT / "store"}  # package -> the folder it stands in
@@ -255,3 +256,12 @@ def test_settings_are_read_by_their_dataclasses_alone() -> None:
 )
 def test_a_setting_that_is_picked_out_of_what_the_store_keeps_is_found(line: str) -> None:
     assert list(_told_raw(ast.parse(line))) == [1]
+
+
+def test_a_transfer_loads_no_scipy_before_its_first_step(pipeline: Pipeline, tmp_path: Path) -> None:
+    words = ["transfer", "zero", str(pipeline.fit), "--tasks", "2", "--episodes", "1", "-q", "-o", "run.h5"]
+    script = f"import sys\nfrom qinit_cli.app import run\nassert run({words!r}) == 0\nprint('scipy.special' in sys.modules)"
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.splitlines()[-1] == "False"

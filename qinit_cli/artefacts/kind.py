@@ -6,7 +6,7 @@ A kind is known before anything is computed, so it imports numpy, and what needs
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeVar
 
@@ -125,11 +125,12 @@ class Kind(ABC, Generic[Told]):
         """The largest value of each column that its settings bound."""
         return {}
 
-    def within(self, column: Column, artefact: Artefact) -> Column:
-        """The column with the least and the largest value that these settings allow, where they say more than it does."""
+    def within(self, columns: Iterable[Column], artefact: Artefact) -> list[Column]:
+        """The columns with the least and the largest value that these settings allow, where they say more."""
         from dataclasses import replace
 
-        return replace(column, high=self.highest(artefact).get(column.name, column.high))
+        highest = self.highest(artefact)
+        return [replace(column, high=highest.get(column.name, column.high)) for column in columns]
 
     def check_values(self, artefact: Artefact) -> None:  # neutral: few kinds have such
         """ValueError where its numbers contradict one another, or its settings."""

@@ -141,7 +141,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
         raise ValueError(f"it lacks {min(lacking)}")
     if artefact.tasks.size and "tasks" in artefact.spec and artefact.tasks[-1] >= artefact.spec["tasks"]:
         raise ValueError(f"it holds task {artefact.tasks[-1]} of {artefact.spec['tasks']}, counted from 0")
-    return axes, [kind.within(one, artefact) for one in (*kind.columns(artefact), *parameters)]
+    return axes, kind.within((*kind.columns(artefact), *parameters), artefact)
 
 
 def _check_scales(artefact: Artefact) -> None:

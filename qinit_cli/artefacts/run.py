@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
@@ -97,19 +97,20 @@ class RunKind(Kind["RunSettings"]):
         learning = self.read(artefact.spec).learning
         return {"steps": learning.horizon, "eval_steps": learning.horizon, "frozen": learning.episodes}
 
-    def within(self, column: Column, artefact: Artefact) -> Column:
+    def within(self, columns: Iterable[Column], artefact: Artefact) -> list[Column]:
         from dataclasses import replace
 
         from qinit_cli.artefacts.columns import ROUNDING
         from qinit_cli.methods import METHODS
 
-        if METHODS.is_own(self.read(artefact.spec).method.name):
-            # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
-            if column.name == "potential":
-                return replace(column, low=0, high=1 + ROUNDING)
-            if column.name == "q":
-                return replace(column, low=-1 - ROUNDING, high=2 + ROUNDING)
-        return super().within(column, artefact)
+        own = METHODS.is_own(self.read(artefact.spec).method.name)
+        # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
+        ours = {"potential": (0.0, 1 + ROUNDING), "q": (-1 - ROUNDING, 2 + ROUNDING)} if own else {}
+        found = super().within(columns, artefact)
+        return [
+            replace(one, low=ours[one.name][0], high=ours[one.name][1]) if one.name in ours else one
+            for one in found
+        ]
 
     def shown(self, artefact: Artefact) -> Shown:
         import numpy as np

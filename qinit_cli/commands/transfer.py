@@ -39,11 +39,11 @@ class Tuned:
 
     def applied(self, method: Method, output: Output, family: Family) -> tuple[Method, list[dict[str, str]]]:
         """The method with what was chosen, and the choice as an input; UsageError where both set an option."""
+        if self.tuned is None:
+            return method, []
         from qinit_cli.commands import references
         from qinit_cli.pipeline.tuning import chosen
 
-        if self.tuned is None:
-            return method, []
         tuning = references.one(self.tuned, output.store, output=output.output)
         return chosen(tuning, method, family)
 
