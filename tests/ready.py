@@ -1,7 +1,7 @@
-"""`qinit` from a process that has imported everything and forks itself for each command: most commands cost less than imports.
+"""`qinit` forked from a process that has imported everything: the imports cost more than most commands.
 
-A command is a process of its own all the same, with its own streams, folder, environment and exit code; only what is read while
-modules are imported (where compiled kernels are kept, ...) is that of the first process, and so is the order of its sets.
+Each command is a process, with its own streams, folder, environment and exit code. What modules read while they are imported (the
+folder of compiled kernels, ...) and the order of sets are those of the first process.
 `python ready.py SOCKET` is that process; the script that `Ready.stand_in` writes passes a command to it.
 """
 

@@ -76,7 +76,7 @@ def described(entry: Description) -> Description:
 
 
 def settings_of(entry: Description) -> Settings | None:
-    """Its settings; None where these are unknown, or cannot be."""
+    """Its settings; None where these are unknown or invalid."""
     try:
         return read(entry.kind, entry.spec) if entry.spec else None
     except ValueError:

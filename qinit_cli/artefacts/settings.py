@@ -37,6 +37,15 @@ LEARNERS, ROLES = ("q-learning", "exact"), ("source", "target")
 # stand-ins for settings that the exact learner does not have
 EXACT: dict[str, Any] = {"epsilon": 0.0, "episodes": 1, "start": "fixed"}
 OF_EXACT = {"alpha": float, "gamma": float, "horizon": int}  # alpha is kept for the transfer that follows
+OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
+    "algorithm_version": int,
+    "method": dict,
+    "family": dict,
+    "learning": dict,
+    "seed": int,
+    "tasks": int,
+    "inputs": list,
+}
 OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
@@ -154,7 +163,7 @@ class StoredMethod:
 
     @property
     def reads_sources(self) -> bool:
-        """Whether other sources would make it start otherwise; so it is of a method that is not installed."""
+        """Whether its start depends on the sources; True for a method that is not installed."""
         return self.here is None or self.here.reads_sources
 
 
@@ -202,7 +211,7 @@ class SourcesSettings:
 
     @classmethod
     def of(cls, tasks: SourceTasks, count: int) -> Self:
-        """Those of so many tasks that are to be learned."""
+        """The settings of `count` tasks to learn."""
         family = StoredFamily.of(tasks.family)
         exact = tasks.learner == "exact"
         learning = dataclasses.replace(tasks.learning, **EXACT) if exact else tasks.learning
@@ -251,7 +260,7 @@ class SourcesSettings:
         return self
 
     def choice(self) -> Self:
-        """What all sets of sources of one distribution share that were learned in one way; the rest is neutral."""
+        """What replicates of a set of sources share; the rest is neutral."""
         return dataclasses.replace(self, algorithm_version=ALGORITHM, seed=0, tasks=1, role="source")
 
 
@@ -264,12 +273,12 @@ class FitSettings:
     content: str  # hash of the sources
     sources: SourcesSettings
     options: FitOptions
-    given: tuple[str, ...]  # options that stand there: an earlier version had fewer
+    given: tuple[str, ...]  # names of the options stored: earlier versions had fewer
     initialisations: tuple[str, ...] | None = None  # methods whose starts are judged by the sources held out
 
     @classmethod
     def of(cls, sources: SourcesSettings, content: str, options: FitOptions) -> Self:
-        """Those of a fit that is to be made; the starts that are judged are those of the methods there are."""
+        """The settings of a fit of the sources with this content hash; all methods' starts are judged."""
         judged = tuple(initialisations()) if options.holdout else None
         return cls(ALGORITHM, content, sources, options, tuple(asdict(options)), judged)
 
@@ -317,8 +326,8 @@ class SourceSet:
     learning: QLearning
     tasks: int
     fitted: FitOptions
-    given: tuple[str, ...]  # options that stand there
-    seed: int | None = None  # of the sources, where somebody who has them gives it
+    given: tuple[str, ...]  # names of the options stored
+    seed: int | None = None  # of the sources, where they are at hand
 
     @classmethod
     def of(cls, fit: FitSettings) -> Self:
@@ -383,55 +392,29 @@ class RunSettings:
 
     @classmethod
     def of(cls, method: Method, targets: TargetTasks, tasks: int, content: str, fit: FitSettings) -> Self:
-        """Those of targets that are to be learned from the fit with this content hash."""
+        """The settings of targets to learn from the fit with this content hash."""
         return cls(
-            _algorithm(targets.family),
-            StoredMethod.of(method, targets.family),
-            StoredFamily.of(targets.family),
-            targets.learning,
-            targets.seed,
-            tasks,
-            content,
-            SourceSet.of(fit),
-            targets.keep_q,
-            targets.evaluate_every,
+            **_of_targets(method, targets),
+            tasks=tasks,
+            content=content,
+            source_set=SourceSet.of(fit),
+            keep_q=targets.keep_q,
+            evaluate_every=targets.evaluate_every,
         )
 
     @classmethod
     def read(cls, spec: Spec) -> Self:
         """ValueError, in one clause, for the first setting that cannot be."""
-        needed = {
-            "algorithm_version": int,
-            "method": dict,
-            "family": dict,
-            "learning": dict,
-            "seed": int,
-            "tasks": int,
-            "inputs": list,
-            "source_set": dict,
-        }
+        needed = OF_TARGETS | {"source_set": dict}
         more = {"keep_q": bool, "evaluate_every": int}
         told = _of(_beside_kind(cls.kind, spec), "the settings", needed, more)
-        found = {"family": StoredFamily.read(told["family"]), "learning": _learning(told["learning"])}
-        found["content"] = _content(told)
-        _counted(told)
         _at_least(told, evaluate_every=0)
-        found["method"] = StoredMethod.read(told["method"])
-        found["source_set"] = SourceSet.read(told["source_set"])
-        del told["inputs"]
-        return cls(**{**told, **found})
+        return cls(**_read_targets(told) | {"source_set": SourceSet.read(told["source_set"])})
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps them."""
         return {
-            "kind": self.kind,
-            "algorithm_version": self.algorithm_version,
-            "method": self.method.spec(),
-            "family": self.family.spec(),
-            "learning": asdict(self.learning),
-            "seed": self.seed,
-            "tasks": self.tasks,
-            "inputs": [self.content],
+            **_targets_spec(self),
             "source_set": self.source_set.spec(),
             "keep_q": self.keep_q,
             "evaluate_every": self.evaluate_every,
@@ -474,57 +457,31 @@ class TuningSettings:
         content: str,
         tasks: int,
     ) -> Self:
-        """Those of a choice that is to be made by the sources with this content hash."""
+        """The settings of a choice by the sources with this content hash."""
         return cls(
-            _algorithm(targets.family),
-            StoredMethod.of(method, targets.family),
-            {name: list(values) for name, values in grid.items()},
-            StoredFamily.of(targets.family),
-            targets.learning,
-            targets.seed,
-            tasks,
-            content,
-            sources,
+            **_of_targets(method, targets),
+            tasks=tasks,
+            content=content,
+            grid={name: list(values) for name, values in grid.items()},
+            sources=sources,
         )
 
     @classmethod
     def read(cls, spec: Spec) -> Self:
         """ValueError, in one clause, for the first setting that cannot be."""
-        needed = {
-            "algorithm_version": int,
-            "method": dict,
-            "grid": dict,
-            "family": dict,
-            "learning": dict,
-            "seed": int,
-            "tasks": int,
-            "inputs": list,
-            "sources": dict,
-        }
+        needed = OF_TARGETS | {"grid": dict, "sources": dict}
         told = _of(_beside_kind(cls.kind, spec), "the settings", needed)
         for name, values in told["grid"].items():
             if not (isinstance(values, list) and values and all(is_of(value, float) for value in values)):
                 raise ValueError(f"the values tried of {name} are no list of numbers")
-        found = {"family": StoredFamily.read(told["family"]), "learning": _learning(told["learning"])}
-        found["content"] = _content(told)
-        _counted(told)
-        found["method"] = StoredMethod.read(told["method"], tuned=told["grid"])
-        found["sources"] = SourcesSettings.read_within(told["sources"])
-        del told["inputs"]
-        return cls(**{**told, **found})
+        found = _read_targets(told, tuned=told["grid"])
+        return cls(**found | {"sources": SourcesSettings.read_within(told["sources"])})
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps them."""
         return {
-            "kind": self.kind,
-            "algorithm_version": self.algorithm_version,
-            "method": self.method.spec(),
+            **_targets_spec(self),
             "grid": {name: list(values) for name, values in self.grid.items()},
-            "family": self.family.spec(),
-            "learning": asdict(self.learning),
-            "seed": self.seed,
-            "tasks": self.tasks,
-            "inputs": [self.content],
             "sources": self.sources.within(),
         }
 
@@ -562,6 +519,43 @@ def outdated(settings: Settings) -> list[str]:
 def _plain(options: Spec) -> dict[str, Any]:
     """The options as they are read again: lists in the place of tuples."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in options.items()}
+
+
+def _of_targets(method: Method, targets: TargetTasks) -> dict[str, Any]:
+    """What runs and tunings have in common, of tasks to learn as targets."""
+    return {
+        "algorithm_version": _algorithm(targets.family),
+        "method": StoredMethod.of(method, targets.family),
+        "family": StoredFamily.of(targets.family),
+        "learning": targets.learning,
+        "seed": targets.seed,
+    }
+
+
+def _read_targets(told: Spec, tuned: Iterable[str] = ()) -> dict[str, Any]:
+    """The fields of a run or a tuning; ValueError where what both have in common cannot be."""
+    found = {
+        "family": StoredFamily.read(told["family"]),
+        "learning": _learning(told["learning"]),
+        "content": _content(told),
+    }
+    _counted(told)
+    found["method"] = StoredMethod.read(told["method"], tuned)
+    return {name: value for name, value in told.items() if name != "inputs"} | found
+
+
+def _targets_spec(settings: RunSettings | TuningSettings) -> dict[str, Any]:
+    """What runs and tunings have in common, as the store keeps it."""
+    return {
+        "kind": settings.kind,
+        "algorithm_version": settings.algorithm_version,
+        "method": settings.method.spec(),
+        "family": settings.family.spec(),
+        "learning": asdict(settings.learning),
+        "seed": settings.seed,
+        "tasks": settings.tasks,
+        "inputs": [settings.content],
+    }
 
 
 def _algorithm(family: Family) -> int:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Settings
     from qinit_store.reading import Description
 
+    Listed = tuple[Description, Settings | None]  # with its settings, where these are known
+
 UNFINISHED = "unfinished"
 
 
@@ -61,12 +63,13 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
-    from qinit_cli.artefacts.opening import described
+    from qinit_cli.artefacts.opening import described, settings_of
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
-    there = [described(entry) for entry in Store(Path(reading.store)).entries()]
-    entries = [entry for entry in there if listing.wanted(entry)]
+    found = (described(entry) for entry in Store(Path(reading.store)).entries())
+    there = [(entry, settings_of(entry)) for entry in found]
+    entries = [one for one in there if listing.wanted(one[0])]
     for_people = tabular.chosen == "table"
     columns = [
         TableColumn("kind"),
@@ -83,8 +86,8 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
             TableColumn(key) for key in ("tasks_wanted", "problem", "path", "content_sha256", "command")
         ]
     rows = [
-        (_for_people(_row(entry)) if for_people else _row(entry)) | {"differs": words}
-        for entry, words in zip(entries, _differences(entries, _seeds(there)), strict=True)
+        (_for_people(_row(*one)) if for_people else _row(*one)) | {"differs": words}
+        for one, words in zip(entries, _differences(entries, _seeds(there)), strict=True)
     ]
     print_table("qinit.list/1", columns, rows, tabular, display)
     if not entries:
@@ -95,26 +98,23 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
             if filtered
             else f"{reading.store} holds no artefacts; qinit train-sources makes the first",
         )
-    for entry in entries:
+    for entry, _ in entries:
         if entry.problem and for_people:
             note(display, entry.problem)
         if entry.state == UNFINISHED and (command := recorded_command(entry.provenance.get("command"))):
             note(display, f"to go on with {entry.path.stem}: {command}")
 
 
-def _seeds(there: Sequence[Description]) -> dict[str, int]:
+def _seeds(there: Sequence[Listed]) -> dict[str, int]:
     """The seed of each of the store's sources by their content hash, which is all that a run names them by."""
-    from qinit_cli.artefacts.opening import settings_of
     from qinit_cli.artefacts.settings import SourcesSettings
 
-    found = ((entry, settings_of(entry)) for entry in there)
-    return {entry.content_sha256: told.seed for entry, told in found if isinstance(told, SourcesSettings)}
+    return {entry.content_sha256: told.seed for entry, told in there if isinstance(told, SourcesSettings)}
 
 
-def _differences(entries: Sequence[Description], seeds: Mapping[str, int]) -> list[str]:
+def _differences(entries: Sequence[Listed], seeds: Mapping[str, int]) -> list[str]:
     """The settings in which each differs from the others of its kind, family and method, which stands before them unless the
     artefact's name has it."""
-    from qinit_cli.artefacts.opening import settings_of
     from qinit_cli.artefacts.settings import RunSettings, TuningSettings
     from qinit_cli.comparison.distinctions import distinctions, with_words
 
@@ -124,8 +124,7 @@ def _differences(entries: Sequence[Description], seeds: Mapping[str, int]) -> li
         return replace(told, source_set=replace(told.source_set, seed=seeds.get(told.source_set.content)))
 
     alike: dict[tuple[str, str, str], list[int]] = {}
-    there = [settings_of(entry) for entry in entries]
-    for at, told in enumerate(there):
+    for at, (_, told) in enumerate(entries):
         if told is not None:
             method = told.method.label if isinstance(told, RunSettings | TuningSettings) else ""
             alike.setdefault((told.kind, told.sources.family.name, method), []).append(at)
@@ -133,10 +132,12 @@ def _differences(entries: Sequence[Description], seeds: Mapping[str, int]) -> li
     for (_, _, method), places in alike.items():
         for at, own in zip(
             places,
-            distinctions([with_seed(told) for at in places if (told := there[at])], labelled=False),
+            distinctions([with_seed(told) for at in places if (told := entries[at][1])], labelled=False),
             strict=True,
         ):
-            words[at] = own if _dashed(method) in _dashed(entries[at].path.stem) else with_words(method, own)
+            words[at] = (
+                own if _dashed(method) in _dashed(entries[at][0].path.stem) else with_words(method, own)
+            )
     return words
 
 
@@ -145,10 +146,7 @@ def _dashed(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", label)
 
 
-def _row(entry: Description) -> dict[str, Any]:
-    from qinit_cli.artefacts.opening import settings_of
-
-    settings = settings_of(entry)
+def _row(entry: Description, settings: Settings | None) -> dict[str, Any]:
     wanted = None if settings is None else settings.sources.tasks
     return {
         "kind": entry.kind,

@@ -86,7 +86,7 @@ class Importing:
 
 
 def travelling(learn: Learn, family: Mapping[str, Any]) -> Learn:
-    """The learner as another process may take it, with a family of these options: only environments need the modules."""
+    """The learner as another process takes it; Gymnasium's families, by their `family` options, take the named modules along."""
     return Importing(tuple(_NAMED), learn) if _NAMED and "env_id" in family else learn
 
 
