@@ -18,7 +18,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +31,7 @@ with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as there:
     socket.send_fds(there, [words.encode("utf-8", "surrogatepass")], [0, 1, 2])
     for stream in (0, 1, 2):
         os.close(stream)
+    there.recv(16)  # its number
     code = int(there.recv(16) or 1)
 if code < 0:
     signal.signal(-code, signal.SIG_DFL)
@@ -57,6 +58,59 @@ class Ready:
         address = str(self.folder / "socket")
         path.write_text(STAND_IN.format(python=sys.executable, address=address, command=[command]))
         path.chmod(0o755)
+
+    @contextlib.contextmanager
+    def process(self, folder: Path, *words: object, command: str = "qinit") -> Iterator[Running]:
+        """A command that is told of by its number, so that signals reach it and not a stand-in; killed with the context."""
+        asked = json.dumps([[command, *map(str, words)], str(folder), dict(os.environ)])
+        streams = [os.open(os.devnull, os.O_RDONLY), *(os.memfd_create(name) for name in ("out", "err"))]
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as there:
+            there.connect(str(self.folder / "socket"))
+            socket.send_fds(there, [asked.encode("utf-8", "surrogatepass")], streams)
+            running = Running(there, int(there.recv(16)), (streams[1], streams[2]))
+            try:
+                yield running
+            finally:
+                if running.code is None:
+                    running.send_signal(signal.SIGKILL)
+                    running.wait()
+                for stream in streams:
+                    os.close(stream)
+
+
+@dataclass
+class Running:
+    """A command of `Ready.process`."""
+
+    there: socket.socket
+    number: int
+    streams: tuple[int, int]
+    code: int | None = None  # None while it runs; negative: the signal that ended it
+    out: str = ""  # all that it wrote, once it has ended
+    err: str = ""
+
+    def send_signal(self, number: int) -> None:
+        """Sends it a signal."""
+        os.kill(self.number, number)
+
+    def wait(self, seconds: float = 60.0) -> int:
+        """Its exit code; TimeoutError where it goes on for longer."""
+        if self.code is None:
+            self.there.settimeout(seconds)
+            self.code = int(self.there.recv(16) or 1)
+            self.out, self.err = (
+                os.pread(stream, os.fstat(stream).st_size, 0).decode() for stream in self.streams
+            )
+        return self.code
+
+    def wait_until(self, reached: Callable[[], bool]) -> None:
+        """Returns once that is so, while the command still runs; AssertionError where it ended before."""
+        for _ in range(20_000):
+            if reached():
+                return
+            with contextlib.suppress(TimeoutError):
+                raise AssertionError(f"exit {self.wait(0.005)}: {self.err}")
+        raise AssertionError("not reached")
 
 
 @contextlib.contextmanager
@@ -112,8 +166,10 @@ def _run(there: socket.socket) -> None:
             os._exit(code)
     for stream in streams:
         os.close(stream)
-    _, status = os.waitpid(child, 0)
     with contextlib.suppress(OSError):  # whoever asked is gone
+        there.send(str(child).encode())
+    _, status = os.waitpid(child, 0)
+    with contextlib.suppress(OSError):
         there.send(str(os.waitstatus_to_exitcode(status)).encode())
     os._exit(0)
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
-from qinit_cli.paper.making import sources_plan
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
@@ -90,10 +89,12 @@ def _entries(family: Family) -> int:
 @cache
 def _speed(kind: type[Family]) -> float:
     """Steps a second of one core, from a short trial of the family's own sources; one for all its distributions."""
+    from qinit_cli.environments.family import draw_tasks
+    from qinit_cli.pipeline.asked import LearningSources
+    from qinit_cli.pipeline.sources import learned, tasks_of
     from qinit_cli.watch import Watch
 
-    trial = sources_plan(PlannedSources(kind(), 0, TRIAL_TASKS, TRIAL_EPISODES[kind.name]))
+    trial = tasks_of(kind(), LearningSources(tasks=TRIAL_TASKS, episodes=TRIAL_EPISODES[kind.name]))
     ids = np.arange(TRIAL_TASKS)
-    trial.learn(ids, Watch())  # compiles, or reads what is compiled
-    _, rows = trial.learn(ids, Watch())
+    rows = learned(trial, draw_tasks(trial.family, trial.seed, trial.streams.task, ids), ids, Watch())
     return float(rows["steps"].sum() / rows["seconds"].sum())

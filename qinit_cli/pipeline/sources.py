@@ -63,7 +63,7 @@ def _schema(tasks: SourceTasks) -> Any:
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
     tasks = draw_tasks(sources.family, sources.seed, sources.streams.task, indices)
-    rows = _exact(sources, tasks) if sources.learner == "exact" else _learned(sources, tasks, indices, watch)
+    rows = _exact(sources, tasks) if sources.learner == "exact" else learned(sources, tasks, indices, watch)
     finished = rows.pop("finished")
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
     eopl = sources.family.path_lengths(tasks, kept["q"], sources.learning.horizon)
@@ -98,13 +98,14 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
     }
 
 
-def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
+def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
+    """What Q-learning alone leaves of these tasks, without path lengths; meaningless where not `finished`."""
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
     family = sources.family
     worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
-    learned = learn(
+    batch = learn(
         worlds,
         sources.learning,
         Start(np.zeros((worlds.states, worlds.actions))),
@@ -117,14 +118,14 @@ def _learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch
     )
     episodes = bin_sizes(sources.learning.episodes, sources.bins)
     return {
-        "q": learned.q,
-        "td_var": learned.td_var,
-        "visits": learned.visits,
-        "curve_steps": (learned.steps / episodes).astype(np.float32),
-        "curve_reached": (learned.reached / episodes).astype(np.float32),
-        "steps": learned.step_count,
-        "seconds": learned.seconds,
-        "finished": learned.finished,
+        "q": batch.q,
+        "td_var": batch.td_var,
+        "visits": batch.visits,
+        "curve_steps": (batch.steps / episodes).astype(np.float32),
+        "curve_reached": (batch.reached / episodes).astype(np.float32),
+        "steps": batch.step_count,
+        "seconds": batch.seconds,
+        "finished": batch.finished,
     }
 
 

@@ -6,17 +6,15 @@ import json
 import shlex
 import shutil
 import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from functools import cache
+from functools import cache, partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ready import Ready
 from tiny import SHRUNKEN
 
 from qinit_cli.app import run
@@ -175,18 +173,19 @@ def test_a_folder_that_holds_something_else_is_refused_and_left_alone(
 def test_a_reproduction_of_other_settings_is_replaced_with_force_alone_and_foreign_files_stay(
     here: Callable[..., Any], tmp_path: Path
 ) -> None:
-    here("reproduce", "fig4", "--scale", "quick", "-o", "out", "-q")
+    here("reproduce", "figA1", "--scale", "quick", "-o", "out", "-q")
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    refused = here("reproduce", "fig5", "--scale", "quick", "-o", "out")
+    refused = here("reproduce", "fig7", "--scale", "quick", "-o", "out")
     assert refused.code == 4
     assert "--force" in refused.err
-    assert (tmp_path / "out" / "fig4.svg").is_file()
-    assert here("reproduce", "fig5", "--scale", "quick", "-o", "out", "--force").code == 0
+    assert (tmp_path / "out" / "figA1.svg").is_file()
+    assert here("reproduce", "fig7", "--scale", "quick", "-o", "out", "--force").code == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "notes.txt",
         "reproduction.json",
         "verdicts.json",
-        *(f"{name}.{kind}" for name in ("fig5", "fig5-normality") for kind in ("svg", "png")),
+        "fig7.svg",
+        "fig7.png",
     }
 
 
@@ -196,29 +195,25 @@ def test_what_cannot_be_meant_is_refused(option: str, value: str, here: Callable
 
 
 def test_killed_and_interrupted_it_goes_on_and_ends_with_the_same_content(
-    made: Callable[[str], tuple[Path, Path]], tmp_path: Path
+    made: Callable[[str], tuple[Path, Path]], tmp_path: Path, ready: Ready
 ) -> None:
-    words = [sys.executable, str(TINY_QINIT), "reproduce", "fig6", "--scale", "quick", "-o", "out"]
+    words = ("reproduce", "fig9", "--scale", "quick", "-o", "out")
+    tiny_qinit = partial(ready.process, tmp_path, *words, command=str(TINY_QINIT))
     for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130)):
         before = len(list(tmp_path.glob("qinit-store/runs/*.h5")))
-        process = subprocess.Popen(
-            words, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        deadline = time.monotonic() + 100
-        while len(list(tmp_path.glob("qinit-store/runs/*.h5"))) <= before + 2:
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-        process.send_signal(number)
-        out, err = process.communicate(timeout=60)
-        assert (process.returncode, out) == (code, "")
+        with tiny_qinit() as process:
+            process.wait_until(
+                lambda before=before: len(list(tmp_path.glob("qinit-store/runs/*.h5"))) > before + 2
+            )
+            process.send_signal(number)
+            assert (process.wait(), process.out) == (code, "")
         assert not _manifest(tmp_path / "out")["complete"]
-    assert "the same command goes on with the rest" in err.splitlines()[-1]
-    assert "Traceback" not in err
+    assert "the same command goes on with the rest" in process.err.splitlines()[-1]
+    assert "Traceback" not in process.err
 
-    ended = subprocess.run([*words, "-q"], cwd=tmp_path, capture_output=True, text=True, timeout=300)
-    assert ended.returncode == 0, ended.stderr
-    straight, _ = made("fig6")
+    with tiny_qinit("-q") as process:
+        assert process.wait(300) == 0, process.err
+    straight, _ = made("fig9")
     told = [_manifest(folder) for folder in (tmp_path / "out", straight)]
     for kind, what in (("artefacts", "content_sha256"), ("figures", "made_of"), ("tables", "made_of")):
         assert [one[what] for one in told[0][kind]] == [one[what] for one in told[1][kind]]
