@@ -192,6 +192,7 @@ def _command(words: bytes, streams: Sequence[int]) -> int:
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
+    code: object = 0
     try:
         if sys.argv[0] == "qinit":
             from qinit_cli.__main__ import main

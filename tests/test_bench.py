@@ -22,6 +22,13 @@ NUMBERS = ("ours_figure", "other_figure", "ratio", "ratio_low", "ratio_high")
 EPISODES, HORIZON = 20_000, 100
 
 
+@pytest.fixture(autouse=True, scope="module")
+def kept() -> None:
+    """The plain loops are compiled once for all test runs, not in every process as they are raced."""
+    for loop in (plain_loops.gridworld, plain_loops.mountain_car):
+        loop.enable_caching()
+
+
 @pytest.mark.parametrize("what", ["exact", "fit", "compare", "start-up"])
 def test_bench_tells_both_figures_and_their_ratio(what: str, here: Run) -> None:
     ended = here("bench", "--what", what, "--repeat", "1", "--quick", "--json")

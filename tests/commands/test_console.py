@@ -241,16 +241,36 @@ def test_pairs_that_no_source_knows_are_counted_for_the_user(here: Here) -> None
 def test_compiling_is_said_once_with_its_kind_and_not_where_the_code_was_kept(
     qinit: Any, tmp_path: Path
 ) -> None:
-    words = ("train-sources", "gridworld", "--size", 4, "--tasks", 2, "--episodes", 20)
+    words = ("train-sources", "gridworld", "--size", 4, "--tasks", 2, "--learner", "exact")
     env = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first = qinit(*words, "-o", "a.h5", env=env)
     assert first.code == 0, first.err
     assert [line for line in first.err.splitlines() if line.startswith("compiling ")] == [
-        "compiling gridworld sources, once for each kind and version of qinit: some seconds"
+        "compiling gridworld exact tables, once for each kind and version of qinit: some seconds"
     ]
     again = qinit(*words, "--seed", 1, "-o", "b.h5", env=env)
     assert again.code == 0, again.err
     assert "compiling" not in again.err
+
+
+def test_what_a_command_compiles_beside_its_kind_is_not_said_again(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from qinit_cli.commands.console import compiling
+    from qinit_cli.commands.option_groups import Display
+    from qinit_cli.kernels import compiled
+
+    for _ in range(2):  # commands
+        with compiling(Display()):
+            for _ in range(2):  # batches
+                with compiling(Display(), "gridworld sources"):
+                    compiled._tell("qinit_cli.kernels.gridworld")
+                    compiled._tell("qinit_cli.kernels.lane")
+            compiled._tell("qinit_cli.kernels.gridworld_exact")
+    with compiling(Display()):
+        compiled._tell("qinit_cli.kernels.gridworld_exact")
+    told = [line.partition(",")[0] for line in capsys.readouterr().err.splitlines()]
+    assert told == ["compiling gridworld sources"] * 2 + ["compiling gridworld exact"]
 
 
 @pytest.mark.parametrize("where", ["variable", "file"])

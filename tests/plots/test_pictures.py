@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,25 +21,40 @@ def _given(picture: str, pipeline: Any) -> list[Path]:
     ]
 
 
-every_picture = pytest.mark.parametrize("picture", ["heatmaps", "histograms", "curves", "bars"])
+PICTURES = ("heatmaps", "histograms", "curves", "bars")
+every_picture = pytest.mark.parametrize("picture", PICTURES)
+
+
+KINDS = ("png", "svg", "pdf")
+# each argument is a picture and what it is given, a line each
+DRAWING = f"""import sys
+from qinit_cli.app import run
+for lines in sys.argv[1:]:
+    picture, *given = lines.splitlines()
+    for kind in {KINDS}:
+        assert run(["plot", picture, *given, "-o", f"{{picture}}.{{kind}}"]) == 0
+"""
+
+
+@pytest.fixture(scope="module")
+def drawn_there(pipeline: Any, ready: Ready, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder where another process drew every picture."""
+    folder = tmp_path_factory.mktemp("there")
+    (folder / "draw.py").write_text(DRAWING)
+    words = ["\n".join([picture, *map(str, _given(picture, pipeline))]) for picture in PICTURES]
+    with ready.process(folder, *words, command="draw.py") as process:
+        assert process.wait(300) == 0, process.err
+    return folder
 
 
 @every_picture
 def test_another_process_draws_the_same_bytes(
-    here: Draw, tmp_path: Path, pipeline: Any, picture: str, ready: Ready
+    here: Draw, tmp_path: Path, pipeline: Any, picture: str, drawn_there: Path
 ) -> None:
-    commands = [
-        ["plot", picture, *map(str, _given(picture, pipeline)), "-o", f"picture.{kind}"]
-        for kind in ("png", "svg", "pdf")
-    ]
-    for command in commands:
-        assert here(*command[:-1], tmp_path / command[-1]).code == 0
-    there = tmp_path / "there"
-    there.mkdir()
-    for command in commands:
-        subprocess.run([ready.qinit, *command], cwd=there, check=True, stdout=subprocess.DEVNULL)
-    for kind in ("png", "svg", "pdf"):
-        assert (tmp_path / f"picture.{kind}").read_bytes() == (there / f"picture.{kind}").read_bytes()
+    for kind in KINDS:
+        name = f"{picture}.{kind}"
+        assert here("plot", picture, *_given(picture, pipeline), "-o", tmp_path / name).code == 0
+        assert (tmp_path / name).read_bytes() == (drawn_there / name).read_bytes()
 
 
 @every_picture
