@@ -126,8 +126,10 @@ def started(folder: Path, **environment: str) -> Iterator[Ready]:
         assert process.stdout.readline() == "ready\n"
         made = Ready(folder)
         made.stand_in(made.qinit)
-        yield made
-        process.kill()
+        try:
+            yield made
+        finally:  # else whoever fails waits for it for ever
+            process.kill()
 
 
 def serve(address: str) -> None:

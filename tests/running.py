@@ -67,14 +67,14 @@ class Pipeline:
 
 
 def on_terminal(
-    words: tuple[Any, ...], folder: Path, env: Mapping[str, str] | None = None
+    qinit: Path, words: tuple[Any, ...], folder: Path, env: Mapping[str, str] | None = None
 ) -> tuple[str, int]:
     """All that a command writes on a terminal of 80 columns and 24 rows, stdout and stderr alike, and its code."""
     master, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     surroundings = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
     process = subprocess.Popen(
-        [QINIT, *map(str, words)],
+        [qinit, *map(str, words)],
         stdin=terminal,
         stdout=terminal,
         stderr=terminal,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ready import Ready
 from running import on_terminal
 
 OURS = re.compile(r"\x1b\[[0-9;]*m")  # colours, bold, dim
@@ -179,9 +180,9 @@ def test_a_page_holds_the_words_and_nothing_else(
     assert r"\x1b[31m" in text
 
 
-def test_a_terminal_of_its_own_sees_no_more(store: Path, controlling_run: Path) -> None:
+def test_a_terminal_of_its_own_sees_no_more(store: Path, controlling_run: Path, ready: Ready) -> None:
     for words in (("list", "--store", store), ("show", store / "runs" / controlling_run.name)):
-        seen, _ = on_terminal(words, store.parent)
+        seen, _ = on_terminal(ready.qinit, words, store.parent)
         assert "old" in seen
         assert not OBEYED.search(OURS.sub("", seen).replace("\r\n", "\n")), repr(seen)
 

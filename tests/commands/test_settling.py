@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import QINIT
+from ready import Ready
 
 LONG_AGO = 1_000_000_000
 MAKEFILE = """
@@ -68,12 +68,12 @@ def test_a_file_whose_time_may_not_be_set_is_complete_all_the_same(
     assert (ended.code, "already complete" in ended.err) == (0, True)
 
 
-def test_make_has_nothing_to_do_the_second_time(tmp_path: Path) -> None:
+def test_make_has_nothing_to_do_the_second_time(tmp_path: Path, ready: Ready) -> None:
     (tmp_path / "Makefile").write_text(MAKEFILE)
     (tmp_path / "settings").touch()
 
     def make() -> str:
-        path = {**os.environ, "PATH": f"{QINIT.parent}{os.pathsep}{os.environ['PATH']}"}
+        path = {**os.environ, "PATH": f"{ready.folder}{os.pathsep}{os.environ['PATH']}"}
         ended = subprocess.run(["make"], cwd=tmp_path, env=path, capture_output=True, text=True, timeout=120)
         assert ended.returncode == 0, ended.stderr
         return ended.stdout

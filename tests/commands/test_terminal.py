@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import on_terminal
+from ready import Ready
+from running import QINIT, on_terminal
 
 COLOURS = re.compile(r"\x1b\[[0-9;]*(?:3[0-9]|4[0-9]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -22,7 +23,7 @@ def _lines(seen: str) -> list[str]:
 @pytest.fixture(scope="module")
 def learning(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A stage on a terminal, from its first to its last sign."""
-    seen, code = on_terminal(LEARN, tmp_path_factory.mktemp("terminal"))
+    seen, code = on_terminal(QINIT, LEARN, tmp_path_factory.mktemp("terminal"))
     assert code == 0, seen
     return seen
 
@@ -49,30 +50,30 @@ def test_the_bar_is_gone_when_the_path_is_printed(learning: str) -> None:
 
 @pytest.mark.parametrize("env", [{"NO_COLOR": "1"}, {"TERM": "dumb"}], ids=str)
 def test_colour_is_left_out_where_the_surroundings_say_so(
-    env: dict[str, str], pipeline: Any, tmp_path: Path
+    env: dict[str, str], pipeline: Any, tmp_path: Path, ready: Ready
 ) -> None:
     for words in (("compare", *pipeline.runs.values()), ("list", "--store", pipeline.store)):
-        seen, code = on_terminal(words, tmp_path, env)
+        seen, code = on_terminal(ready.qinit, words, tmp_path, env)
         assert code == 0, seen
         assert not COLOURS.search(seen)
     if "TERM" in env:
         assert "\x1b" not in seen
 
 
-def test_colour_is_left_out_of_the_bar_with_color_never(tmp_path: Path) -> None:
-    seen, code = on_terminal((*LEARN, "--color", "never"), tmp_path)
+def test_colour_is_left_out_of_the_bar_with_color_never(tmp_path: Path, ready: Ready) -> None:
+    seen, code = on_terminal(ready.qinit, (*LEARN, "--color", "never"), tmp_path)
     assert code == 0, seen
     assert not COLOURS.search(seen)
 
 
-def test_a_dumb_terminal_gets_no_bar_drawn_over_itself(tmp_path: Path) -> None:
-    seen, code = on_terminal(LEARN, tmp_path, {"TERM": "dumb"})
+def test_a_dumb_terminal_gets_no_bar_drawn_over_itself(tmp_path: Path, ready: Ready) -> None:
+    seen, code = on_terminal(ready.qinit, LEARN, tmp_path, {"TERM": "dumb"})
     assert code == 0, seen
     assert "\x1b" not in seen
 
 
-def test_a_table_on_a_terminal_fits_its_eighty_columns(pipeline: Any, tmp_path: Path) -> None:
-    seen, code = on_terminal(("compare", *pipeline.runs.values()), tmp_path)
+def test_a_table_on_a_terminal_fits_its_eighty_columns(pipeline: Any, tmp_path: Path, ready: Ready) -> None:
+    seen, code = on_terminal(ready.qinit, ("compare", *pipeline.runs.values()), tmp_path)
     assert code == 0, seen
     lines = _lines(seen)
     assert max(map(len, lines)) <= 80
@@ -99,8 +100,8 @@ def test_a_table_in_a_pipe_has_colour_only_where_always_is_asked_for(
     assert "\x1b" in here(*words, "--color", "always").out
 
 
-def test_quiet_draws_no_bar(tmp_path: Path) -> None:
-    seen, code = on_terminal((*LEARN, "-q"), tmp_path)
+def test_quiet_draws_no_bar(tmp_path: Path, ready: Ready) -> None:
+    seen, code = on_terminal(ready.qinit, (*LEARN, "-q"), tmp_path)
     assert code == 0
     [path] = _lines(seen)
     assert path.endswith(".h5")
