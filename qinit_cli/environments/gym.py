@@ -243,8 +243,8 @@ class Gym(TableFamily):
         """Where the steps of each task lead."""
         import numpy as np
 
-        from qinit_cli.kernels.generic_loop import LOST
         from qinit_cli.kernels.tables import Tables
+        from qinit_cli.kernels.worlds import LOST
 
         if not self.tabular:
             raise NotAllowed(f"{self.untabled}; learn it by q-learning")
@@ -420,7 +420,7 @@ class Gym(TableFamily):
         self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
     ) -> list[tuple[list[tuple[int, int]], bool]]:
         """Greedy episodes: the pairs met, and whether each reached the goal."""
-        from qinit_cli.kernels.generic_loop import GOAL
+        from qinit_cli.kernels.worlds import GOAL
 
         greedy, played = q.argmax(axis=1).tolist(), []
         with aside(), closing(self._episodes(task, horizon)) as world:

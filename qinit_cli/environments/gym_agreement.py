@@ -165,7 +165,7 @@ def _ways_to_the_goal(there: TransitionTable) -> Integers:
     """The action of each state that most likely leads to the goal soon, (S,)."""
     import numpy as np
 
-    from qinit_cli.kernels.generic_loop import GOAL
+    from qinit_cli.kernels.worlds import GOAL
 
     value = np.zeros(len(there.after))
     for _ in range(SWEEPS):

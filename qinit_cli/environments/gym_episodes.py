@@ -34,7 +34,7 @@ class Episodes:
 
     def step(self, action: int) -> int:
         """The state that the action leads to, GOAL, LOST, or CUT less the state in which the environment cuts the episode off."""
-        from qinit_cli.kernels.generic_loop import CUT, GOAL, LOST
+        from qinit_cli.kernels.worlds import CUT, GOAL, LOST
 
         try:
             observation, reward, terminated, truncated, _ = self._env.step(action)

@@ -71,7 +71,7 @@ def table(env_id: str, settings: KeywordArguments, goal: str) -> TransitionTable
     """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
-    from qinit_cli.kernels.generic_loop import GOAL, LOST
+    from qinit_cli.kernels.worlds import GOAL, LOST
 
     there = read(env_id, settings)
     open = _open(there)

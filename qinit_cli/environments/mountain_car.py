@@ -154,7 +154,7 @@ class MountainCar:
             bins=self.bins,
             start=self.target_start,
             noise=self.spread if gusty else 0.0,
-            noise_dice=seeds(own) if gusty else None,
+            rng=seeds(own) if gusty else None,
         )
 
     def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:

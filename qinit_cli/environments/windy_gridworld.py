@@ -132,8 +132,8 @@ class WindyGridworld(TableFamily):
         """
         import numpy as np
 
-        from qinit_cli.kernels.generic_loop import GOAL
         from qinit_cli.kernels.tables import Tables
+        from qinit_cli.kernels.worlds import GOAL
 
         moves = self._moves()
         drift = np.minimum(np.floor(tasks["wind"]), self.size).astype(np.int64)

@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
-from qinit_cli.kernels.lane import Evaluation, LaneSetting, Tasks, new_lanes
+from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes
+from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
 from qinit_cli.kernels.random_streams import Words, exploration_limit
@@ -37,14 +38,24 @@ class Worlds(Protocol):
         """How many tasks are best learned side by side."""
         ...
 
+    @property
+    def alone(self) -> int:
+        """Lanes in use of a group that are learned one after the other if there are no more."""
+        ...
+
+    @property
+    def rng(self) -> Words | None:
+        """Randomness of each task's world beyond the steps' own, (B, 4); None: there is none."""
+        ...
+
     def __len__(self) -> int: ...
 
     def queue(self) -> Integers:
         """The tasks, (B,), in the order in which lanes take them: long ones first, or they end alone."""
         ...
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, Any]:
-        """The compiled `advance` and the world it takes."""
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, Any]:
+        """The compiled loop, and the world, a NamedTuple, that it takes."""
         ...
 
 
@@ -129,6 +140,7 @@ def learn(
         q=np.broadcast_to(start.table, shape).astype(np.float64, order="C"),
         rng=streams.rng.copy(),
         start_dice=streams.starts.copy(),
+        world_dice=np.zeros((batch, 4), np.uint64) if worlds.rng is None else worlds.rng.copy(),
         episode=np.zeros(batch, np.int64),
         step_count=np.zeros(batch, np.int64),
         finished=np.zeros(batch, np.bool_),
@@ -140,17 +152,19 @@ def learn(
     evaluation = _evaluation(records.evaluate_every, learning.episodes, streams.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
+    posterior = _posterior(start.hypotheses, learning, records.moments, lanes, shape)
+    hooks = Hooks(
+        _potential(start.potential, batch, worlds.states),
+        _choosing(start.policies, streams.choices, lanes, shape),
+        posterior,
+    )
     arguments = (
         world,
-        _setting(learning),
+        _setting(learning, worlds),
         tasks,
-        new_lanes(lanes, worlds.states, worlds.queue()),
-        _potential(start.potential, batch, worlds.states),
-        visits,
-        td_var,
-        evaluation,
-        _choosing(start.policies, streams.choices, lanes, shape),
-        posterior := _posterior(start.hypotheses, learning, records.moments, lanes, shape),
+        new_lanes(lanes, worlds.states, worlds.actions, worlds.queue()),
+        Recording(visits, td_var, evaluation),
+        hooks,
     )
     with worlds if isinstance(worlds, AbstractContextManager) else nullcontext():
         seconds = _run(advance, arguments, tasks, learning.episodes, watch)
@@ -192,9 +206,17 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: QLearning) -> LaneSetting:
-    exploration = exploration_limit(learning.epsilon)
-    return LaneSetting(learning.alpha, learning.gamma, exploration, learning.episodes, learning.horizon)
+def _setting(learning: QLearning, worlds: Worlds) -> LaneSetting:
+    return LaneSetting(
+        alpha=learning.alpha,
+        gamma=learning.gamma,
+        exploration=exploration_limit(learning.epsilon),
+        episodes=learning.episodes,
+        horizon=learning.horizon,
+        anywhere=learning.start == "anywhere",
+        all_actions=np.uint64((1 << worlds.actions) - 1 if worlds.actions <= FEW else 0),
+        alone=worlds.alone,
+    )
 
 
 def _evaluation(every: int, episodes: int, rng: Words | None, batch: int) -> Evaluation | None:

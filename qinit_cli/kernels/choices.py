@@ -30,10 +30,12 @@ def _actions() -> NDArray[np.uint8]:
     return table
 
 
-ACTIONS = _actions().ravel()  # by choice: the action taken
-DIRECTIONS = (
-    ((_actions() + np.arange(SLIPS)[:, None, None]) % 4).astype(np.uint8).ravel()
-)  # the way the agent goes
+# by choice: the action taken, and from WAYS on the way that the agent goes: one address for both
+ACTIONS = np.stack([_actions(), (_actions() + np.arange(SLIPS, dtype=np.uint8)[:, None, None]) % 4]).ravel()
+WAYS = np.uint64(SLIPS * PICKS * TIES)
+
+
+NO_SLIP = np.full(SLIPS - 1, 1 << 32, np.uint64)  # limits that no draw reaches
 
 
 @inner
@@ -44,7 +46,7 @@ def decide(draws, exploration, all_actions, slips, choices):
     u8 (3,) that its upper 32 bits reach. `all_actions` has a bit for each action.
     """
     first, second, third = slips[0], slips[1], slips[2]
-    for index in range(len(draws)):
+    for index in range(len(choices)):
         explored = all_actions if ((draws[index] >> TWELVE) & LOW_20) < exploration else _NONE
         choices[index] = greedy_choice(draws[index], first, second, third) | explored
 

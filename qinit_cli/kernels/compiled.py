@@ -29,9 +29,10 @@ from typing import Any
 
 from qinit_cli.kernels.trusted import Untrusted, check_own, resolved
 
-LEAN = {"_nrt": False}
+LEAN: dict[str, Any] = {"_nrt": False}
 UNUSED_SECONDS = 30 * 24 * 3600.0  # after which machine code of other versions is removed
-UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INNER = LEAN | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INLINED = INNER | {"forceinline": True}
 
 
 @cache
@@ -121,12 +122,12 @@ def lean(function: Callable[..., Any]) -> Any:
 
 def inner(function: Callable[..., Any]) -> Any:
     """As `lean`, for functions that only compiled functions call: half the time to compile."""
-    return _compile(function, LEAN | UNWRAPPED, cache_folder(function.__module__))
+    return _compile(function, INNER, cache_folder(function.__module__))
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """As `inner`, and made part of each caller."""
-    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True}, cache_folder(function.__module__))
+    return _compile(function, INLINED, cache_folder(function.__module__))
 
 
 def kept_with(module: str, function: Callable[..., Any]) -> Any:
@@ -136,12 +137,12 @@ def kept_with(module: str, function: Callable[..., Any]) -> Any:
 
 def unkept(function: Callable[..., Any]) -> Any:
     """As `inner`, kept in its callers alone: for what calls code of other packages, as `kept_with` says."""
-    return _compile(function, LEAN | UNWRAPPED, None)
+    return _compile(function, INNER, None)
 
 
 def unkept_inlined(function: Callable[..., Any]) -> Any:
     """As `unkept`, and made part of each caller."""
-    return _compile(function, LEAN | UNWRAPPED | {"forceinline": True}, None)
+    return _compile(function, INLINED, None)
 
 
 def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path | None) -> Any:

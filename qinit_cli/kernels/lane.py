@@ -1,11 +1,12 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""A lane: the working memory of the task that learns in it, whatever its family.
+"""A lane: the working memory of the task that learns in it, whatever its world.
 
 Tasks of a batch are learned side by side, a few at a time, because a step waits for the one before it: while
-one task waits, the others go on. Each lane keeps its task's table as rows of eight numbers, one cache line a
-state: the four values (three actions: the last is -inf), what entering the state is worth (gamma times the
-largest value; 1 at the goal, which is never acted in), gamma * potential and potential. Which actions tie for
-the largest value is kept beside it, a byte a state.
+one task waits, the others go on. Each lane keeps its task's table as rows, one for each state and two more for the
+goal and for being lost, which end an episode. A row is the values of the actions, filled up with -inf to a multiple of
+four, and four numbers more: what entering the state is worth (gamma times the largest value; 1 for the goal), gamma *
+potential, potential, and nothing: with up to four actions, one cache line. Which of these tie for the largest value is
+kept beside it, a byte a state; where there are more actions, a step looks for that itself.
 """
 
 from __future__ import annotations
@@ -15,26 +16,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.arrays import Floats, Integers
-from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.vectors import add_to_entry
+from qinit_cli.kernels.choices import ACTIONS, NO_SLIP, greedy_choice
+from qinit_cli.kernels.compiled import inlined, inner, unkept
+from qinit_cli.kernels.parts import body, part
+from qinit_cli.kernels.policies import followed, follows
+from qinit_cli.kernels.random_streams import LOW_12, LOW_20, TWELVE
+from qinit_cli.kernels.vectors import WIDTH, add_to_entry
 
 BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
-ROW = 8
-WORTH, WORTH_OF_POTENTIAL, POTENTIAL = 4, 5, 6  # places in a row after the values
-TD_VAR = 4  # place in a row of tallies after the visits
+FEW = 4  # actions whose row is one vector
+WORTH, WORTH_OF_POTENTIAL, POTENTIAL = 0, 1, 2  # places in a row after the values
 CACHE_LINE = 64
 NEVER = 1 << 62  # episodes: a lane without a task never comes to its last
 TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 
 
 class LaneSetting(NamedTuple):
-    """How a task is learned; `QLearning` as the loops read it."""
+    """How a task is learned; `QLearning` as the loop reads it."""
 
     alpha: float
     gamma: float
-    exploration: np.uint64
+    exploration: np.uint64  # steps whose 20 bits of a draw are below explore
     episodes: int
     horizon: int
+    anywhere: bool  # where episodes start; else at the target start
+    all_actions: np.uint64  # a bit for each
+    alone: int  # lanes of a group that are learned one after the other if no more are in use
 
 
 class Tasks(NamedTuple):
@@ -43,6 +50,7 @@ class Tasks(NamedTuple):
     q: Any  # f8 (B, S, A), in and out
     rng: Any  # u8 (B, 4, 8)
     start_dice: Any  # u8 (B, 4)
+    world_dice: Any  # u8 (B, 4) randomness of a task's world beyond the steps' own
     episode: Any  # i8 (B,) episodes done
     step_count: Any  # i8 (B,) steps of those
     finished: Any  # b1 (B,)
@@ -59,39 +67,82 @@ class Evaluation(NamedTuple):
     reached: Any  # i8 (B, 1 + episodes // every)
 
 
-class Lanes(NamedTuple):
-    """Working memory of L lanes; the last state is a goal that is no state of its family's table."""
+class Recording(NamedTuple):
+    """What is recorded of each task besides its table; what is None is not, and costs nothing."""
 
+    visits: Any  # i8 (B, S, A)
+    td_var: Any  # f8 (B, S, A)
+    evaluation: Any  # an Evaluation
+
+
+class Hooks(NamedTuple):
+    """What a method changes in learning; what is None costs nothing."""
+
+    potential: Any  # f8 (B or 1, S)
+    choosing: Any  # a policies.Choosing
+    posterior: Any  # a posterior.PosteriorState
+
+
+class Memory(NamedTuple):
+    """What steps read and write, of all lanes (L, ...) or of one; up to four actions."""
+
+    rows: Any  # f8 (L, (S + 2) * 8)
+    ties: Any  # u1 (L, S + 2)
+    visits: Any  # i8 (L, (S + 2) * 8), visits in places 0 to 3
+    td_var: Any  # f8, the same memory, td_var in places 4 to 7
+    draws: Any  # u8 (L, BLOCK)
+    choices: Any  # u2 (L, BLOCK)
+
+
+class WideMemory(NamedTuple):
+    """As Memory, for more than four actions: W places each for values, visits and td_var."""
+
+    rows: Any  # f8 (L, (S + 2) * (W + 4))
+    ties: Any  # u1 (L, S + 2), not used
+    visits: Any  # i8 (L, (S + 2) * 2 * W), visits first
+    td_var: Any  # f8, the same memory, td_var after them
+    draws: Any  # u8 (L, BLOCK)
+    choices: Any  # u2 (L, 0)
+    width: int  # W, a multiple of four
+    actions: int
+
+
+class Lanes(NamedTuple):
+    """Working memory of L lanes."""
+
+    memory: Any  # Memory or WideMemory
     task: Any  # i8 (L,) who learns there; -1: nobody
-    order: Any  # i8 (L,) the lanes in use come first
     queue: Any  # i8 (B,) the tasks in the order in which they are taken
     following: Any  # i8 (1,) how many have been taken
-    rows: Any  # f8 (L, (S + 1) * ROW)
-    ties: Any  # u1 (L, S + 1)
-    visits: Any  # i8 (L, (S + 1) * ROW), visits in places 0 to 3
-    td_var: Any  # f8, the same memory, td_var in places 4 to 7
-    draws: Any  # u8 (BLOCK,)
-    choices: Any  # u2 (L, BLOCK)
-    time: Any  # i8 (L,) steps in the current episode
+    state: Any  # u4 (L,)
+    action: Any  # u1 (L,) of the coming step
+    after: Any  # u4 (L,) the place that it leads to, see worlds.place_of
+    time: Any  # i8 (L,) steps of the current episode before this block
     ended: Any  # i8 (L,) episodes of the task that have ended
     lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
 
 
-def new_lanes(count: int, states: int, queue: Integers) -> Lanes:
+def new_lanes(count: int, states: int, actions: int, queue: Integers) -> Lanes:
     """Lanes that nobody has learned in, and who waits for them."""
-    places = (states + 1) * ROW
-    visits = _aligned(count, places).view(np.int64)
+    width = -(-actions // WIDTH) * WIDTH
+    visits = _aligned(count, (states + 2) * 2 * width).view(np.int64)
+    arrays = (
+        _aligned(count, (states + 2) * (width + WIDTH)),
+        np.zeros((count, states + 2), np.uint8),
+        visits,
+        visits.view(np.float64),
+        np.zeros((count, BLOCK), np.uint64),
+    )
     return Lanes(
+        memory=Memory(*arrays, np.zeros((count, BLOCK), np.uint16))
+        if actions <= FEW
+        else WideMemory(*arrays, np.zeros((count, 0), np.uint16), width, actions),
         task=np.full(count, -1, np.int64),
-        order=np.arange(count),
         queue=queue,
         following=np.zeros(1, np.int64),
-        rows=_aligned(count, places),
-        ties=np.zeros((count, states + 1), np.uint8),
-        visits=visits,
-        td_var=visits.view(np.float64),
-        draws=np.zeros(BLOCK, np.uint64),
-        choices=np.zeros((count, BLOCK), np.uint16),
+        state=np.zeros(count, np.uint32),
+        action=np.zeros(count, np.uint8),
+        after=np.zeros(count, np.uint32),
         time=np.zeros(count, np.int64),
         ended=np.full(count, NEVER),
         lengths=np.zeros((count, BLOCK), np.int64),
@@ -105,22 +156,167 @@ def _aligned(rows: int, columns: int) -> Floats:
     return memory[first : first + rows * columns].reshape(rows, columns)
 
 
-class Memory(NamedTuple):
-    """What a step reads and writes in one lane."""
+@part
+def own(memory, lane):
+    """What steps read and write in one lane."""
+    return Memory(
+        memory.rows[lane],
+        memory.ties[lane],
+        memory.visits[lane],
+        memory.td_var[lane],
+        memory.draws[lane],
+        memory.choices[lane],
+    )
 
-    rows: Any  # f8 ((S + 1) * ROW,)
-    ties: Any  # u1 (S + 1,)
-    visits: Any  # i8 ((S + 1) * ROW,)
-    td_var: Any  # f8, the same memory
-    choices: Any  # u2 (BLOCK,)
+
+@body(own, WideMemory)
+def _own_wide(memory, lane):
+    return WideMemory(
+        memory.rows[lane],
+        memory.ties[lane],
+        memory.visits[lane],
+        memory.td_var[lane],
+        memory.draws[lane],
+        memory.choices[lane],
+        memory.width,
+        memory.actions,
+    )
+
+
+@part
+def some(memory, first, end):
+    """What steps read and write in the lanes `first` to `end` - 1."""
+    return Memory(
+        memory.rows[first:end],
+        memory.ties[first:end],
+        memory.visits[first:end],
+        memory.td_var[first:end],
+        memory.draws[first:end],
+        memory.choices[first:end],
+    )
+
+
+@body(some, WideMemory)
+def _some_wide(memory, first, end):
+    return WideMemory(
+        memory.rows[first:end],
+        memory.ties[first:end],
+        memory.visits[first:end],
+        memory.td_var[first:end],
+        memory.draws[first:end],
+        memory.choices[first:end],
+        memory.width,
+        memory.actions,
+    )
+
+
+@part
+def width_of(memory):
+    """The places of a row before what it is worth."""
+    return WIDTH
+
+
+@body(width_of, WideMemory)
+def _width_of_wide(memory):
+    return memory.width
+
+
+@part
+def choose(memory, step, lane, state, exploration, choosing):
+    """What a lane's step does: its choice, and the action that follows from it."""
+    choice, tied = np.uint64(memory.choices[step]), np.uint64(memory.ties[state])
+    choice = choice | tied if choosing is None else followed(choosing, lane, choice, tied, state)
+    return choice, ACTIONS[choice]
+
+
+@body(choose, WideMemory)
+def _choose_wide(memory, step, lane, state, exploration, choosing):
+    drawn = memory.draws[step]
+    explores = ((drawn >> TWELVE) & LOW_20) < exploration
+    action = _picked(memory, state, drawn, explores)
+    if choosing is not None:
+        follows_policy = follows(choosing, lane)
+        if follows_policy and not (explores and choosing.explore_while_following):
+            action = np.int64(choosing.policies[choosing.chosen[lane], state])
+    return np.uint64(0), action
+
+
+@part
+def greedy_action(memory, state, drawn):
+    """One of a state's greedy actions, by the lower 12 bits of a draw."""
+    return ACTIONS[greedy_choice(drawn, NO_SLIP[0], NO_SLIP[1], NO_SLIP[2]) | memory.ties[state]]
+
+
+@body(greedy_action, WideMemory)
+def _greedy_action_wide(memory, state, drawn):
+    return _picked(memory, state, drawn, False)
 
 
 @inlined
-def memory(lanes, lane):
-    """What a step reads and writes in one lane."""
-    return Memory(
-        lanes.rows[lane], lanes.ties[lane], lanes.visits[lane], lanes.td_var[lane], lanes.choices[lane]
-    )
+def _picked(memory, state, drawn, explores):
+    """One of the greedy actions, or of all where the step explores, by the lower 12 bits of its draw."""
+    row = (memory.width + WIDTH) * np.int64(state)
+    values = memory.rows[row : row + memory.actions]
+    best, tied, picked = values[0], 0, 0
+    for value in values:
+        best = max(best, value)
+    for value in values:
+        tied += (value == best) | explores
+    pick = np.int64(((drawn & LOW_12) * np.uint64(tied)) >> TWELVE)
+    for action in range(len(values)):  # no branch that a processor could guess wrong
+        may = (values[action] == best) | explores
+        picked = action if may & (pick == 0) else picked
+        pick -= may
+    return picked
+
+
+@part
+def _change(memory, row, action, amount):
+    """Adds to a row's value: the largest afterwards, and which of them equal it."""
+    return add_to_entry(memory.rows, row, action, amount)
+
+
+@body(_change, WideMemory)
+def _change_wide(memory, row, action, amount):
+    memory.rows[row + action] += amount
+    best = memory.rows[row]
+    for place in range(1, memory.actions):
+        best = max(best, memory.rows[row + place])
+    return best, 0
+
+
+@inlined
+def update(memory, state, action, after, alpha, gamma, potential, visits, td_var):
+    """Q-learning's update for one step; brings the row of `state`, its ties and tallies up to date."""
+    width = width_of(memory)
+    row, entered = (width + WIDTH) * state, (width + WIDTH) * after + width
+    target = memory.rows[entered + WORTH]
+    if potential is not None:
+        # that of an end is 0, else shaping would change which policy is best (Ng et al., 1999)
+        target = target + memory.rows[entered + WORTH_OF_POTENTIAL] - memory.rows[row + width + POTENTIAL]
+    error = target - memory.rows[row + action]
+    best, tied = _change(memory, row, action, alpha * error)
+    memory.rows[row + width + WORTH] = gamma * best
+    memory.ties[state] = tied
+    if visits is not None:
+        memory.visits[2 * width * state + action] += 1
+    if td_var is not None:
+        place = 2 * width * state + width + action
+        spread = memory.td_var[place]
+        memory.td_var[place] = spread + TD_VAR_RATE * (error * error - spread)
+
+
+@inner
+def rescan(memory, state, actions, gamma):
+    """Brings what entering a state is worth, and its ties, up to date with its values."""
+    width = width_of(memory)
+    row, best, tied = (width + WIDTH) * state, -np.inf, 0
+    for action in range(actions):
+        best = max(best, memory.rows[row + action])
+    for action in range(actions):
+        tied |= (memory.rows[row + action] == best) << action
+    memory.rows[row + width + WORTH] = gamma * best
+    memory.ties[state] = tied
 
 
 @inner
@@ -130,60 +326,56 @@ def is_idle(tasks, lanes, lane):
     return lanes.following[0] < len(tasks.q) and (task < 0 or tasks.finished[task])
 
 
-@inner
+@inlined
+def in_use(tasks, lanes, lane):
+    """True if the lane holds an unfinished task."""
+    task = lanes.task[lane]
+    return task >= 0 and not tasks.finished[task]
+
+
+@unkept
 def take(tasks, lanes, lane, gamma, potential, visits, td_var):
     """Puts the next task into the lane: its table, potential, visits and td_var."""
     task = lanes.queue[lanes.following[0]]
     lanes.following[0] += 1
-    rows, ties = lanes.rows[lane], lanes.ties[lane]
-    counts, spreads = lanes.visits[lane], lanes.td_var[lane]
-    states, actions = tasks.q.shape[1], tasks.q.shape[2]
-    rows[:] = -np.inf
+    memory = own(lanes.memory, lane)
+    width, states, actions = width_of(memory), tasks.q.shape[1], tasks.q.shape[2]
+    memory.rows[:] = -np.inf
     for state in range(states):
-        row = ROW * state
-        best = -np.inf
+        row, tally = (width + WIDTH) * state, 2 * width * state
         for action in range(actions):
-            rows[row + action] = tasks.q[task, state, action]
-            best = max(best, rows[row + action])
-        rows[row + WORTH] = gamma * best
-        tied = 0
-        for action in range(actions):
-            tied |= (rows[row + action] == best) << action
-        ties[state] = tied
+            memory.rows[row + action] = tasks.q[task, state, action]
+            if visits is not None:
+                memory.visits[tally + action] = visits[task, state, action]
+            if td_var is not None:
+                memory.td_var[tally + width + action] = td_var[task, state, action]
+        rescan(memory, state, actions, gamma)
         if potential is not None:
             phi = potential[task % len(potential), state]
-            rows[row + WORTH_OF_POTENTIAL] = gamma * phi
-            rows[row + POTENTIAL] = phi
-        for action in range(actions):
-            if visits is not None:
-                counts[row + action] = visits[task, state, action]
-            if td_var is not None:
-                spreads[row + TD_VAR + action] = td_var[task, state, action]
+            memory.rows[row + width + WORTH_OF_POTENTIAL] = gamma * phi
+            memory.rows[row + width + POTENTIAL] = phi
+    for end in range(2):  # the goal is worth 1, being lost 0
+        place = (width + WIDTH) * (states + end) + width
+        memory.rows[place + WORTH] = 1.0 - end
+        memory.rows[place + WORTH_OF_POTENTIAL] = 0.0
     lanes.task[lane] = task
     lanes.time[lane] = 0
     lanes.ended[lane] = 0
 
 
-@inner
-def make_terminal(rows, state):
-    """Entering the state ends an episode: it is worth 1, and its potential is 0 whatever was given."""
-    rows[ROW * state + WORTH] = 1.0
-    rows[ROW * state + WORTH_OF_POTENTIAL] = 0.0
-
-
-@inner
+@inlined
 def leave(tasks, lanes, lane, visits, td_var):
     """Writes what the lane's task has learned back to the batch; what the lane goes on to do is lost."""
-    task = lanes.task[lane]
-    rows, counts, spreads = lanes.rows[lane], lanes.visits[lane], lanes.td_var[lane]
+    task, memory = lanes.task[lane], own(lanes.memory, lane)
+    width = width_of(memory)
     for state in range(tasks.q.shape[1]):
-        row = ROW * state
+        row, tally = (width + WIDTH) * state, 2 * width * state
         for action in range(tasks.q.shape[2]):
-            tasks.q[task, state, action] = rows[row + action]
+            tasks.q[task, state, action] = memory.rows[row + action]
             if visits is not None:
-                visits[task, state, action] = counts[row + action]
+                visits[task, state, action] = memory.visits[tally + action]
             if td_var is not None:
-                td_var[task, state, action] = spreads[row + TD_VAR + action]
+                td_var[task, state, action] = memory.td_var[tally + width + action]
 
 
 @inner
@@ -205,50 +397,6 @@ def end_block(tasks, lanes, lane, episodes):
 
 
 @inlined
-def update(own, state, action, after, alpha, gamma, potential, visits, td_var):
-    """Q-learning's update for one step; brings the row of `state`, its ties and tallies up to date."""
-    row = ROW * state
-    target = own.rows[ROW * after + WORTH]
-    if potential is not None:
-        target = target + own.rows[ROW * after + WORTH_OF_POTENTIAL] - own.rows[row + POTENTIAL]
-    error = target - own.rows[row + action]
-    best, tied = add_to_entry(own.rows, row, action, alpha * error)
-    own.rows[row + WORTH] = gamma * best
-    own.ties[state] = tied
-    if visits is not None:
-        own.visits[row + action] += 1
-    if td_var is not None:
-        spread = own.td_var[row + TD_VAR + action]
-        own.td_var[row + TD_VAR + action] = spread + TD_VAR_RATE * (error * error - spread)
-
-
-@inlined
-def record_end(length, reached, setting, tasks, lanes, lane, visits, td_var):
-    """How many episodes have ended before; notes the length, and writes the results back after the last."""
-    episode = lanes.ended[lane]
-    lanes.lengths[lane, episode % BLOCK] = length if reached else -length
-    lanes.ended[lane] = episode + 1
-    if episode + 1 == setting.episodes:
-        leave(tasks, lanes, lane, visits, td_var)
-    return episode
-
-
-@inlined
 def evaluation_due(evaluation, ended, episodes):
     """True if a greedy episode follows the first `ended` ones."""
     return ended % evaluation.every == 0 and ended <= episodes
-
-
-@inner
-def lanes_in_use(tasks, lanes):
-    """How many lanes hold an unfinished task; those come first in `lanes.order`."""
-    count, rest = 0, len(lanes.task)
-    for lane in range(len(lanes.task)):
-        task = lanes.task[lane]
-        if task >= 0 and not tasks.finished[task]:
-            lanes.order[count] = lane
-            count += 1
-        else:
-            rest -= 1
-            lanes.order[rest] = lane
-    return count

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from qinit_cli.kernels.compiled import compiled
-from qinit_cli.kernels.mountain_car import FASTEST, LEFT, PUSHES, RIGHT, bin_of, is_done, move
+from qinit_cli.kernels.mountain_car import FASTEST, LEFT, PUSHES, RIGHT, bin_of, is_done, moved
 
 NEVER = -1  # a path that does not arrive
 
@@ -18,7 +18,7 @@ NEVER = -1  # a path that does not arrive
 def _steps(position, velocity, action, eta, hill, bins, greedy, horizon):
     """Steps to the flag: `action` first, then the bins' `greedy` ones (S,); NEVER if more than the horizon."""
     for step in range(1, horizon + 1):
-        position, velocity = move(position, velocity, PUSHES[action], eta, hill)
+        position, velocity = moved(position, velocity, PUSHES[action], eta, hill)
         if is_done(position, velocity):
             return step
         action = greedy[np.int64(bin_of(position, velocity, np.float64(bins)))]
@@ -70,7 +70,7 @@ def greedy_visits(eta, hill, bins, q, horizon, position, velocity, visits):
         here = np.int64(bin_of(at, speed, np.float64(bins)))
         visits[task, here] = 1
         for _ in range(horizon):
-            at, speed = move(at, speed, PUSHES[greedy[here]], eta[task], hill)
+            at, speed = moved(at, speed, PUSHES[greedy[here]], eta[task], hill)
             here = np.int64(bin_of(at, speed, np.float64(bins)))
             visits[task, here] += 1
             if is_done(at, speed):
@@ -87,7 +87,7 @@ def pumped_lengths(eta, hill, horizon, position, velocity, lengths):
         at, speed = position, velocity
         lengths[task] = NEVER
         for step in range(1, horizon + 1):
-            at, speed = move(at, speed, PUSHES[2 if speed >= 0.0 else 0], eta[task], hill)
+            at, speed = moved(at, speed, PUSHES[2 if speed >= 0.0 else 0], eta[task], hill)
             if is_done(at, speed):
                 lengths[task] = step
                 break

@@ -98,12 +98,18 @@ def learn_of_episode(choosing, lane, length, reached, gamma):
 
 
 @inlined
+def follows(choosing, lane):
+    """Whether the lane's step follows the episode's policy."""
+    followed = unit(choosing.words[lane]) < choosing.psi[lane]
+    choosing.psi[lane] *= choosing.nu
+    return followed
+
+
+@inlined
 def followed(choosing, lane, choice, ties, state):
     """The step's choice with its tied actions: the policy's alone if the step follows it, else the greedy ones."""
-    follows = unit(choosing.words[lane]) < choosing.psi[lane]
-    choosing.psi[lane] *= choosing.nu
     choice = np.uint64(choice)
-    if not follows:
+    if not follows(choosing, lane):
         return choice | ties
     if not choosing.explore_while_following:
         choice &= ~_TIES

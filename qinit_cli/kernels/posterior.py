@@ -21,8 +21,9 @@ import numpy as np
 from qinit_cli.arrays import Floats, Integers
 from qinit_cli.elementary import exp, ln
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import ROW, WORTH, make_terminal
+from qinit_cli.kernels.lane import rescan, width_of
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
+from qinit_cli.kernels.vectors import WIDTH
 
 NEVER = -1  # episode after which weights froze, where they never did
 # ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
@@ -196,27 +197,23 @@ def _normalise(posterior, lane, task):
 
 
 @inlined
-def refresh(posterior, lane, own, state, gamma):
+def refresh(posterior, lane, memory, state, gamma):
     """Brings a state's row, its ties and what entering it is worth up to date with M."""
     if posterior.current[lane, state] != posterior.version[lane]:
-        _correct(posterior, lane, own, np.int64(state), gamma)
+        _correct(posterior, lane, memory, np.int64(state), gamma)
 
 
 @inner
-def _correct(posterior, lane, own, state, gamma):
+def _correct(posterior, lane, memory, state, gamma):
     posterior.current[lane, state] = posterior.version[lane]
-    row, best, tied = ROW * state, -np.inf, 0
     start, left = posterior.start[lane], posterior.left[lane]
+    row = (width_of(memory) + WIDTH) * state
     for action in range(posterior.actions):
         pair = posterior.actions * state + action
         mean = mean_at(posterior, lane, pair)
-        own.rows[row + action] += left[pair] * (mean - start[pair])
+        memory.rows[row + action] += left[pair] * (mean - start[pair])
         start[pair] = mean
-        best = max(best, own.rows[row + action])
-    for action in range(posterior.actions):
-        tied |= (own.rows[row + action] == best) << action
-    own.ties[state] = tied
-    own.rows[row + WORTH] = gamma * best
+    rescan(memory, state, posterior.actions, gamma)
 
 
 @inner
@@ -235,16 +232,12 @@ def mean_at(posterior, lane, pair):
 
 
 @inner
-def end_episode(posterior, lanes, own, lane, reached, goal, setting, evaluated):
-    """An episode of the lane's task has ended: counts goals, freezes, records, and brings the table up to date if it is read now.
-
-    To be called before the episode is noted: `lanes.ended` does not count it yet. `goal` is the row of the terminal state.
-    """
-    last = count_goal(posterior, lanes.task[lane], lane, reached, lanes.ended[lane] + 1, setting.episodes)
-    if last or evaluated:
+def end_episode(posterior, task, lane, memory, reached, ended, evaluated, gamma, episodes):
+    """The first `ended` episodes of the lane's task are over: counts goals, freezes, records, and brings the table up to date
+    if it is read now."""
+    if count_goal(posterior, task, lane, reached, ended, episodes) or evaluated:
         for state in range(posterior.current.shape[1]):
-            refresh(posterior, lane, own, state, setting.gamma)
-        make_terminal(own.rows, goal)
+            refresh(posterior, lane, memory, state, gamma)
 
 
 @inner
@@ -280,16 +273,3 @@ def weighs(posterior, first, end):
     for lane in range(first, end):
         count += posterior.live[lane]
     return count > 0
-
-
-@inner
-def frozen_first(posterior, lanes, count):
-    """How many of the first `count` lanes of `lanes.order` hold a task whose weights are frozen; those now come first."""
-    frozen = 0
-    for place in range(count):
-        lane = lanes.order[place]
-        if not posterior.live[lane]:
-            lanes.order[place] = lanes.order[frozen]
-            lanes.order[frozen] = lane
-            frozen += 1
-    return frozen

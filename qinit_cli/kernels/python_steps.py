@@ -18,8 +18,10 @@ from llvmlite import ir
 from numba import extending, types
 
 from qinit_cli.arrays import Integers
-from qinit_cli.kernels.generic_loop import LOST, SteppedWorlds, starts, steps
+from qinit_cli.kernels.loop import compiled_loop
+from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, draw
+from qinit_cli.kernels.worlds import LOST, starts, steps
 from qinit_cli.learning import QLearning
 
 intrinsic: Any = extending.intrinsic
@@ -62,6 +64,7 @@ class PythonWorlds:
     _failed: list[BaseException] = field(default_factory=list)
 
     lanes: ClassVar[int] = 1  # none of them could go on while another waits for Python
+    alone: ClassVar[int] = 1
 
     def __len__(self) -> int:
         return len(self.rng)
@@ -78,8 +81,8 @@ class PythonWorlds:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Any, Any]:
-        """The loop, which raises what a simulator has raised, and the world it takes."""
+    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, PythonWorld]:
+        """The loop, which raises what a simulator has raised, and the world that it takes."""
 
         def start(task: int, seed: int) -> int:
             if task not in self._there:
@@ -92,16 +95,16 @@ class PythonWorlds:
 
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-        called = SteppedWorlds(PythonWorld(*addresses), self.states, self.actions, self.rng)
-        compiled, world = called.loop(learning, lanes)
 
-        def advance(blocks: int, *arguments: Any) -> None:
-            compiled(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
+        advance = compiled_loop(PythonWorld)
+
+        def raising(blocks: int, *arguments: Any) -> None:
+            advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
             assert callbacks  # alive as long as the loop may call them
             if self._failed:
                 raise self._failed[0]
 
-        return advance, world
+        return raising, PythonWorld(*addresses)
 
     def _safe(self, function: Callable[[int, int], int], instead: int) -> Callable[[int, int], int]:
         """The function; once it raised, the exception is kept, and the rest of the block is nobody's."""

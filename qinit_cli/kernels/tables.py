@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats
 from qinit_cli.errors import NotAllowed
-from qinit_cli.kernels.generic_loop import LOST, SteppedWorlds, starts, steps
-from qinit_cli.kernels.random_streams import Words, below, unit
+from qinit_cli.kernels.compiled import inlined
+from qinit_cli.kernels.loop import SteppedWorlds
+from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, below, unit
+from qinit_cli.kernels.worlds import LOST, place_of, starts, steps
 
 ROUNDING = 1e-9  # of probabilities that were added up or divided
+PLACE_BITS = np.uint64(24)
+PLACE = np.uint64((1 << 24) - 1)
 
 
 @dataclass(frozen=True)
@@ -42,8 +47,7 @@ class Tables:
         _, states, actions, _ = self.after.shape
         places = np.argsort(~self.open, axis=1, kind="stable").astype(np.int32)
         world = TableWorld(
-            after=np.ascontiguousarray(self.after, np.int32),
-            limits=_cumulative(self.probability),
+            outcomes=_outcomes(self.after, _cumulative(self.probability)),
             start=_cumulative(self.start),
             places=places,
             count=self.open.sum(axis=1).astype(np.int64),
@@ -54,8 +58,7 @@ class Tables:
 class TableWorld(NamedTuple):
     """The tables of a batch as the loop reads them."""
 
-    after: Any  # i4 (B, S, A, O)
-    limits: Any  # f8 (B, S, A, O) running sums of the probabilities
+    outcomes: Any  # u8 (B, S, A, O): the upper 40 bits are the limit of a draw's upper half, the lower 24 the place after it
     start: Any  # f8 (B, S) running sums
     places: Any  # i4 (B, S) the open states first
     count: Any  # i8 (B,) of them
@@ -72,10 +75,33 @@ def start(world, task, lane, rng, anywhere):
 @steps(TableWorld)
 def step(world, task, lane, state, action, uniform, rng):
     """The outcome whose share of [0, 1) the uniform falls into."""
-    outcome = 0
-    while uniform >= world.limits[task, state, action, outcome]:
-        outcome += 1
-    return np.int64(world.after[task, state, action, outcome])
+    states = world.outcomes.shape[1]
+    place = np.int64(_place(world, task, state, action, np.uint64(uniform * 2.0**32)))
+    return place if place < states else states - 1 - place
+
+
+@body(place_of, TableWorld)
+def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
+    return np.uint32(_place(world, task, state, action, drawn >> THIRTY_TWO))
+
+
+@inlined
+def _place(world, task, state, action, upper):
+    """The place that a step leads to, given the upper 32 bits of its draw."""
+    outcomes = world.outcomes[task, state, action]
+    drawn, passed = upper << PLACE_BITS | PLACE, 0
+    for outcome in range(len(outcomes) - 1):  # no branch that a processor could guess wrong
+        passed += drawn >= outcomes[outcome]
+    return outcomes[passed] & PLACE
+
+
+def _outcomes(after: NDArray[np.int32], limits: Floats) -> Words:
+    """Limits and places of the outcomes, put together; the last limit is never looked at."""
+    states = after.shape[1]
+    place = np.where(after >= 0, after, states - 1 - after).astype(np.uint64)
+    # a uniform k * 2^-32 reaches a limit where k does its product with 2^32, rounded up
+    limit = np.ceil(np.minimum(limits, 1.0) * 2.0**32).astype(np.uint64)
+    return np.ascontiguousarray(limit << PLACE_BITS | place)
 
 
 def _cumulative(probabilities: Floats) -> Floats:

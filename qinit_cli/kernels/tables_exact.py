@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from qinit_cli.kernels.compiled import compiled, inlined
-from qinit_cli.kernels.generic_loop import GOAL
+from qinit_cli.kernels.worlds import GOAL
 
 ROUNDING = 2.0**-52  # V is at most 1: changes below this are rounding, whatever tolerance was asked
 RELATIVE = 1e-10  # change in a sweep, of every state's own value: logarithms of small values are fitted

@@ -13,9 +13,9 @@ import reference
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
-from qinit_cli.kernels.generic_loop import CUT, GOAL
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.random_streams import lane_seeds, seeds
+from qinit_cli.kernels.worlds import CUT, GOAL
 from qinit_cli.learning import QLearning
 from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream

@@ -16,7 +16,7 @@ from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
-from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, move
+from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, moved
 from qinit_cli.kernels.reals import load_reals, store_reals
 from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
@@ -73,7 +73,7 @@ def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
 @pytest.mark.parametrize("tasks", [1, 3, 10], ids=["alone", "three of eight, then alone", "eight and more"])
 def test_pushes_drawn_every_step_evaluation_and_policies_equal_the_plain_ones(tasks: int) -> None:
     given, noise_dice = probability(tasks), rng.seeds(streams(2, tasks))
-    cars = MountainCars(ETA[:tasks], hill=-0.4, bins=BINS, start="valley", noise=0.01, noise_dice=noise_dice)
+    cars = MountainCars(ETA[:tasks], hill=-0.4, bins=BINS, start="valley", noise=0.01, rng=noise_dice)
     policies = np.random.default_rng(3).integers(0, 3, (4, BINS**2))
     start = Start(table(), None, Policies(policies))
     learned = learn(cars, EXPLORING, start, given, dataclasses.replace(ALL, evaluate_every=6), Watch())
@@ -115,9 +115,9 @@ def test_cars_that_are_pushed_back_most_learn_first() -> None:
 
 
 @lean
-def moved(position, velocity, push, eta, hill, after):  # type: ignore[no-untyped-def]
+def put(position, velocity, push, eta, hill, after):  # type: ignore[no-untyped-def]
     """One step of one car."""
-    after[0], after[1] = move(position, velocity, push, eta, hill)
+    after[0], after[1] = moved(position, velocity, push, eta, hill)
 
 
 @lean
@@ -158,7 +158,7 @@ def test_with_our_cosine_gymnasiums_car_goes_where_ours_goes_to_the_last_bit(
         if action is None:
             ours[:] = state
             continue
-        moved(ours[0], ours[1], PUSHES[action], 0.0, 0.0, ours)
+        put(ours[0], ours[1], PUSHES[action], 0.0, 0.0, ours)
         assert (ours[0], ours[1]) == state
         assert bool(is_done.py_func(ours[0], ours[1])) == done
         flags += done
@@ -170,7 +170,7 @@ def test_the_c_librarys_cosine_makes_a_last_bit_of_the_velocity_differ_now_and_t
     before, after, different = None, np.empty(2), 0
     for action, state, _ in trajectory(10_000):
         if action is not None:
-            moved(before[0], before[1], PUSHES[action], 0.0, 0.0, after)
+            put(before[0], before[1], PUSHES[action], 0.0, 0.0, after)
             assert abs(after[1] - state[1]) <= 2.0**-56  # an ulp of the top speed
             assert abs(after[0] - state[0]) <= 2.0**-52
             different += tuple(after) != state

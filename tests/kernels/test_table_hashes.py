@@ -15,9 +15,9 @@ import pytest
 
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
-from qinit_cli.kernels.generic_loop import GOAL, LOST
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.tables import Tables
+from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learning import QLearning
 from qinit_cli.watch import Watch
 

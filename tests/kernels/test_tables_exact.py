@@ -9,9 +9,9 @@ import quantecon
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.kernels import tables_exact
-from qinit_cli.kernels.generic_loop import GOAL, LOST
 from qinit_cli.kernels.gridworld import neighbours
 from qinit_cli.kernels.tables import Tables
+from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learning import QLearning
 from qinit_cli.seeding import Stream
 
