@@ -36,7 +36,7 @@ class Policies:
 class Choosing(NamedTuple):
     """The policies of a batch, K of them, and what the task of each lane knows about them."""
 
-    policies: Any  # u1 (K, S) actions
+    policies: Any  # u2 (K, S) actions
     c: float
     psi0: float
     rho: float
@@ -56,7 +56,7 @@ def new_choosing(policies: Policies, rng: Words, lanes: int) -> Choosing:
     """What the loops need to choose among policies in that many lanes."""
     count = len(policies.actions)
     return Choosing(
-        policies=np.ascontiguousarray(policies.actions, np.uint8),
+        policies=np.ascontiguousarray(policies.actions, np.uint16),
         c=float(policies.c),
         psi0=float(policies.psi0),
         rho=float(policies.rho),

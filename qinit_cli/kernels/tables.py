@@ -15,11 +15,12 @@ from qinit_cli.kernels.compiled import inlined
 from qinit_cli.kernels.loop import SteppedWorlds
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, below, unit
-from qinit_cli.kernels.worlds import LOST, place_of, starts, steps
+from qinit_cli.kernels.worlds import GOAL, LOST, place_of, starts, steps
 
 ROUNDING = 1e-9  # of probabilities that were added up or divided
 PLACE_BITS = np.uint64(24)
 PLACE = np.uint64((1 << 24) - 1)
+ENDS = (GOAL, LOST)  # places after the states
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,8 @@ def _fault(tables: Tables) -> str:
     if after.dtype.kind not in "iu" or open.dtype.kind != "b":
         return f"after and open are of {after.dtype} and {open.dtype}, not of integers and of bool"
     states = after.shape[1]
+    if states + len(ENDS) > PLACE:
+        return f"{states} states are more than the {int(PLACE) - len(ENDS)} that a table may have"
     nowhere = (after < LOST) | (after >= states)
     improper = ~((probability >= -ROUNDING) & (probability <= 1 + ROUNDING))  # NaN is neither
     unlikely = open[..., None] & ~(np.abs(probability.sum(axis=-1) - 1) <= ROUNDING)

@@ -91,6 +91,17 @@ def test_a_faulty_table_is_refused_where_it_is_faulty(change: Any, told: str) ->
         Tables(**arrays)
 
 
+def test_more_states_than_a_place_has_bits_for_are_refused() -> None:
+    shape = (1, 2**24 - 2, 1, 1)  # two places more are the goal's and that of being lost
+    with pytest.raises(NotAllowed, match="16777214 states are more than the 16777213 that a table may have"):
+        Tables(
+            np.broadcast_to(np.int32(0), shape),
+            np.broadcast_to(1.0, shape),
+            np.broadcast_to(1.0, shape[:2]),
+            np.broadcast_to(True, shape[:2]),
+        )
+
+
 def test_no_tasks_and_rows_in_which_nobody_acts_are_no_fault() -> None:
     Tables(**{name: values[:0] for name, values in sound().items()})
     arrays = sound()

@@ -195,3 +195,16 @@ def test_a_gridworld_written_as_a_table_learns_what_the_gridworlds_own_loop_lear
         assert by_table.weighing.moves.min() > 0
         for name in ("weights", "moves", "frozen"):
             np.testing.assert_array_equal(getattr(by_table.weighing, name), getattr(by_loop.weighing, name))
+
+
+def test_a_policy_may_take_any_of_300_actions() -> None:
+    after = np.full((1, 2, 300, 1), LOST, np.int32)
+    start, open = np.array([[1.0, 0.0]]), np.ones((1, 2), bool)
+    there = Tables(after, np.ones(after.shape), start, open).worlds(np.zeros((1, 4), np.uint64))
+    policies = Policies(np.full((1, 2), 299), rho=1.0, nu=1.0)
+    learning = dataclasses.replace(GREEDY, epsilon=0.0)
+    learned = learn(
+        there, learning, Start(np.zeros((2, 300)), None, policies), probability(1, 1), ALL, Watch()
+    )
+    assert learned.visits is not None
+    assert learned.visits[0, 0, 299] == learned.visits.sum() == GREEDY.episodes
