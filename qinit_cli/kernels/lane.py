@@ -76,7 +76,10 @@ class Recording(NamedTuple):
 
 
 class Hooks(NamedTuple):
-    """What a method changes in learning; what is None costs nothing."""
+    """What a method changes in learning; what is None costs nothing.
+
+    A function that asks whether one is None takes it as an argument of its own: Numba leaves out branches on arguments alone.
+    """
 
     potential: Any  # f8 (B or 1, S)
     choosing: Any  # a policies.Choosing
@@ -158,7 +161,7 @@ def _aligned(rows: int, columns: int) -> Floats:
 
 @part
 def own(memory, lane):
-    """What steps read and write in one lane."""
+    """What steps read and write in one lane, or in those of a slice."""
     return Memory(
         memory.rows[lane],
         memory.ties[lane],
@@ -178,33 +181,6 @@ def _own_wide(memory, lane):
         memory.td_var[lane],
         memory.draws[lane],
         memory.choices[lane],
-        memory.width,
-        memory.actions,
-    )
-
-
-@part
-def some(memory, first, end):
-    """What steps read and write in the lanes `first` to `end` - 1."""
-    return Memory(
-        memory.rows[first:end],
-        memory.ties[first:end],
-        memory.visits[first:end],
-        memory.td_var[first:end],
-        memory.draws[first:end],
-        memory.choices[first:end],
-    )
-
-
-@body(some, WideMemory)
-def _some_wide(memory, first, end):
-    return WideMemory(
-        memory.rows[first:end],
-        memory.ties[first:end],
-        memory.visits[first:end],
-        memory.td_var[first:end],
-        memory.draws[first:end],
-        memory.choices[first:end],
         memory.width,
         memory.actions,
     )

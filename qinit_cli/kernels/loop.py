@@ -25,7 +25,6 @@ from qinit_cli.kernels.lane import (
     is_idle,
     leave,
     own,
-    some,
     take,
     update,
 )
@@ -35,6 +34,7 @@ from qinit_cli.kernels.posterior import begin as begin_weighing
 from qinit_cli.kernels.posterior import end_episode, refresh, weigh, weighs
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, draw, draw_block
 from qinit_cli.kernels.worlds import (
+    GOAL,
     beside,
     entered,
     move,
@@ -150,7 +150,7 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
     if group is not None:
         count, at_once = beside(world), moves_at_once(world)
     end = first + count
-    task, time, memories = lanes.task[first:end], lanes.time[first:end], some(lanes.memory, first, end)
+    task, time, memories = lanes.task[first:end], lanes.time[first:end], own(lanes.memory, slice(first, end))
     state, action, after = lanes.state[first:end], lanes.action[first:end], lanes.after[first:end]
     cut_off = _cut_off(time, setting.horizon)
     for step in range(BLOCK):
@@ -303,4 +303,4 @@ def _play(world, setting, tasks, lanes, lane, ended, evaluation):
         code = np.int64(step_of(world, task, lane, code, action, uniform, rng))
         length += 1
     evaluation.steps[task, ended // evaluation.every] = length
-    evaluation.reached[task, ended // evaluation.every] = code == -1
+    evaluation.reached[task, ended // evaluation.every] = code == GOAL

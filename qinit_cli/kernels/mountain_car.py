@@ -120,7 +120,7 @@ def moved(position, velocity, push, eta, hill):
 
 @inlined
 def roll(position, velocity, change, eta, hill):
-    """`move`, given what push and gravity together add to the velocity."""
+    """`moved`, given what push and gravity together add to the velocity."""
     gust = chosen(position >= hill, eta, 0.0)
     velocity = _between(velocity + change, -FASTEST, FASTEST)
     position = _between(position + (velocity + gust), LEFT, RIGHT)
