@@ -11,8 +11,9 @@ BENCH := .bench-venv
 demo: $(VENV)/.installed ## sources, a fit, three transfers, a comparison and a picture
 	PATH="$(abspath $(BIN)):$$PATH" sh tests/demo.sh $(DEMO)
 
+# with bytecode kept: the tests start hundreds of interpreters
 test: $(VENV)/.test ## the tests
-	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 soak: $(VENV)/.test ## long soak and fault-injection runs
 	$(BIN)/python -m pytest -m soak

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import sys
 import traceback
+from functools import cache
 from typing import Annotated, Any, TextIO
 
 import typer
@@ -146,7 +148,7 @@ def run(arguments: list[str]) -> int:
     )  # dates nothing of ours; matplotlib and f2py fail on what is no time
     debugging.set("--debug" in arguments)
     try:
-        command = typer.main.get_command(app)
+        command = _command()
         code = command.main(
             args=arguments,
             prog_name="qinit",
@@ -172,6 +174,18 @@ def run(arguments: list[str]) -> int:
         if debugging.get():
             sys.stderr.write(printable("".join(traceback.format_exception(error)), keep="\n"))
         return _say(*_sentence(error))
+
+
+def _command() -> Any:
+    """The root command, whose parts that are made when they are asked for are made anew: plug-ins may have come."""
+    root = copy.copy(_read())
+    root.commands = {name: copy.copy(command) for name, command in root.commands.items()}
+    return root
+
+
+@cache
+def _read() -> Any:
+    return typer.main.get_command(app)
 
 
 def _configured(command: object, arguments: list[str]) -> dict[str, object] | None:

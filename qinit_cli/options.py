@@ -10,6 +10,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable
+from functools import cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -101,7 +102,7 @@ def check(instance: DataclassInstance) -> None:
 
     Numbers become Python's own, floats where the option is one.
     """
-    hints = get_type_hints(type(instance))
+    hints = _types(type(instance))
     for field in options(type(instance)):
         value = getattr(instance, field.name)
         if not is_of(value, hints[field.name]):
@@ -113,6 +114,12 @@ def check(instance: DataclassInstance) -> None:
             _check_number(field, value)
             # as the command line reads it, and as it is stored: 7 and numpy's 7.0 are one setting
             object.__setattr__(instance, field.name, _plain(value, hints[field.name]))
+
+
+@cache
+def _types(owner: type[Any]) -> dict[str, Any]:
+    """The type of every field by name, which Python reads from its text each time."""
+    return get_type_hints(owner)
 
 
 def _plain(value: Any, hint: Any) -> int | float:

@@ -18,6 +18,8 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,6 +143,7 @@ def serve(address: str) -> None:
             importlib.import_module(found.name)
     for name in MODULES:
         importlib.import_module(name)
+    _warm_up()
     gc.freeze()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # children leave nothing behind
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
@@ -153,6 +156,23 @@ def serve(address: str) -> None:
                 listening.close()
                 _run(there)
             there.close()
+
+
+def _warm_up() -> None:
+    """Runs a command of each stage: what the first of a process loads is there then, machine code and fonts among it."""
+    from running import run_here
+
+    small = ("--tasks", "2", "--episodes", "2", "-q", "-o")
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for words in (
+            ("train-sources", "gridworld", "--size", "4", *small, "sources.h5"),
+            ("fit", "sources.h5", "-q", "-o", "fit.h5"),
+            ("transfer", "mean", "fit.h5", *small, "run.h5"),
+            ("plot", "curves", "run.h5", "-q", "-o", "curves.png"),
+        ):
+            ended = run_here(words)
+            assert ended.code == 0, ended.err
+    assert threading.active_count() == 1  # a fork has no other
 
 
 def _run(there: socket.socket) -> None:

@@ -7,6 +7,7 @@ import importlib.util
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,21 +60,30 @@ def _imported(tree: ast.AST, *, at_run_time: bool) -> Iterator[str]:
         yield from _imported(node, at_run_time=at_run_time)
 
 
-def _everything(module: str) -> set[str]:
-    return set(_imported(ast.parse(MODULES[module].read_text()), at_run_time=False))
+@cache
+def _parsed(module: str) -> ast.Module:
+    """The module as it stands; look, do not touch."""
+    return ast.parse(MODULES[module].read_text())
 
 
-def _but_for_types(module: str) -> set[str]:
-    return set(_imported(ast.parse(MODULES[module].read_text()), at_run_time=True))
+@cache
+def _everything(module: str) -> frozenset[str]:
+    return frozenset(_imported(_parsed(module), at_run_time=False))
 
 
-def _when_loaded(module: str) -> set[str]:
+@cache
+def _but_for_types(module: str) -> frozenset[str]:
+    return frozenset(_imported(_parsed(module), at_run_time=True))
+
+
+@cache
+def _when_loaded(module: str) -> frozenset[str]:
     """What importing the module imports at once: nothing inside functions, nothing for types alone."""
-    tree = ast.parse(MODULES[module].read_text())
+    tree = ast.parse(MODULES[module].read_text())  # its own, to change
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             node.body = [ast.Pass()]
-    return set(_imported(tree, at_run_time=True))
+    return frozenset(_imported(tree, at_run_time=True))
 
 
 def _under(module: str, packages: tuple[str, ...]) -> bool:
@@ -204,7 +214,7 @@ def test_numpy_is_imported_late_only_where_help_would_wait_for_it() -> None:
     late = {
         module
         for module in MODULES.keys() - _loaded_for_help()
-        for function in ast.walk(ast.parse(MODULES[module].read_text()))
+        for function in ast.walk(_parsed(module))
         if isinstance(function, ast.FunctionDef) and "numpy" in set(_imported(function, at_run_time=True))
     }
     assert not late
@@ -212,8 +222,8 @@ def test_numpy_is_imported_late_only_where_help_would_wait_for_it() -> None:
 
 def test_no_two_classes_share_a_name() -> None:
     where: dict[str, list[str]] = {}
-    for module, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text())):
+    for module in MODULES:
+        for node in ast.walk(_parsed(module)):
             if isinstance(node, ast.ClassDef):
                 where.setdefault(node.name, []).append(module)
     assert {name: modules for name, modules in where.items() if len(modules) > 1} == {}
@@ -247,7 +257,7 @@ def _told_raw(tree: ast.AST) -> Iterator[int]:
 
 def test_settings_are_read_by_their_dataclasses_alone() -> None:
     rooms = (name for name in MODULES if not name.startswith(("qinit_store", "qinit_cli.artefacts")))
-    found = {f"{name}:{line}" for name in rooms for line in _told_raw(ast.parse(MODULES[name].read_text()))}
+    found = {f"{name}:{line}" for name in rooms for line in _told_raw(_parsed(name))}
     assert found == set()
 
 

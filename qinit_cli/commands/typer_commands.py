@@ -152,7 +152,7 @@ class Later(Commands):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The subcommand of that name, or None."""
         if cmd_name not in self.commands and not self.whole:
-            self.commands.update(self._made(cmd_name))
+            self.commands = {**self.commands, **self._made(cmd_name)}  # its copies have their own
         if cmd_name not in self.commands:
             self.list_commands(ctx)  # whose names typer's error looks for the nearest among
         return super().get_command(ctx, cmd_name)
