@@ -253,6 +253,32 @@ def test_compiling_is_said_once_with_its_kind_and_not_where_the_code_was_kept(
     assert "compiling" not in again.err
 
 
+@pytest.mark.parametrize(
+    ("stage", "kind"), [("sources", "gridworld sources"), ("transfer", "gridworld targets")]
+)
+def test_a_stage_that_learns_names_what_it_compiles_and_not_its_parts(
+    stage: str, kind: str, here: Here, pipeline: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qinit_cli.kernels import batch, compiled
+
+    learn = batch.learn
+
+    def compiles(*given: Any, **named: Any) -> Any:
+        for part in ("loop", "lane"):
+            compiled._tell(f"qinit_cli.kernels.{part}")
+        return learn(*given, **named)
+
+    monkeypatch.setattr(batch, "learn", compiles)
+    words = {
+        "sources": ("train-sources", "gridworld", "--size", 4, "--tasks", 2),
+        "transfer": ("transfer", "mean", pipeline.fit, "--tasks", 2),
+    }
+    ended = here(*words[stage], "--episodes", 2, "-o", "a.h5")
+    assert ended.code == 0, ended.err
+    told = [line.partition(",")[0] for line in ended.err.splitlines() if "compiling" in line]
+    assert told == [f"compiling {kind}"]
+
+
 def test_what_a_command_compiles_beside_its_kind_is_not_said_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -171,22 +171,18 @@ def test_a_folder_that_holds_something_else_is_refused_and_left_alone(
 
 
 def test_a_reproduction_of_other_settings_is_replaced_with_force_alone_and_foreign_files_stay(
-    here: Callable[..., Any], tmp_path: Path
+    made: Callable[[str], tuple[Path, Path]], here: Callable[..., Any], tmp_path: Path
 ) -> None:
-    here("reproduce", "figA1", "--scale", "quick", "-o", "out", "-q")
-    (tmp_path / "out" / "notes.txt").write_text("mine")
-    refused = here("reproduce", "fig7", "--scale", "quick", "-o", "out")
+    out = shutil.copytree(made("fig9")[0], tmp_path / "out")  # of three pictures and two tables
+    (out / "notes.txt").write_text("mine")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    refused = here("reproduce", "figA1", "--scale", "quick", "-o", "out")
     assert refused.code == 4
     assert "--force" in refused.err
-    assert (tmp_path / "out" / "figA1.svg").is_file()
-    assert here("reproduce", "fig7", "--scale", "quick", "-o", "out", "--force").code == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "notes.txt",
-        "reproduction.json",
-        "verdicts.json",
-        "fig7.svg",
-        "fig7.png",
-    }
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert here("reproduce", "figA1", "--scale", "quick", "-o", "out", "--force").code == 0
+    names = {"notes.txt", "reproduction.json", "verdicts.json", "figA1.svg", "figA1.png"}
+    assert {path.name for path in out.iterdir()} == names
 
 
 @pytest.mark.parametrize(("option", "value"), [("--scale", "papr"), ("--source-sets", "0"), ("--jobs", "0")])
