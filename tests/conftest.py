@@ -14,12 +14,18 @@ from running import QINIT, SMALL_SOURCES, Ended, Pipeline, run_here
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
 
 
-LONGEST = ("test_the_readme_works_as_it_stands", "test_every_command_of_the_page_on_gymnasium_works")
+LONGEST = (
+    "test_the_readme_works_as_it_stands",
+    "test_every_command_of_the_page_on_gymnasium_works",
+    "test_a_failing_call_is_7_and_costs_nothing_that_was_saved[1-40]",
+    "test_a_signal_in_the_first_seconds_ends_a_command_as_promised",
+    "test_every_module_can_be_the_first_one_imported",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts the longest tests first: begun last, one worker would still be at them when the others are done."""
-    items.sort(key=lambda item: item.name not in LONGEST)
+    items.sort(key=lambda item: LONGEST.index(item.name) if item.name in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(autouse=True)
