@@ -1,12 +1,15 @@
-"""How a task is learned: the settings of tabular Q-learning, free of numpy so that help stays fast."""
+"""How a task is learned: learner, exploration and their settings, free of numpy so that help stays fast."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal, get_args
 
+from qinit_cli.exploration import EpsilonGreedy, Exploration
+from qinit_cli.learners import Learner, QLearner
 from qinit_cli.options import is_of
+from qinit_cli.schedules import ByVisits, Schedule
 
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
@@ -14,26 +17,31 @@ Start = Literal["anywhere", "fixed"]
 
 
 @dataclass(frozen=True)
-class QLearning:
-    """Epsilon-greedy tabular Q-learning with a constant step size."""
+class Learning:
+    """Tabular learning: by default Q-learning, epsilon-greedy, with a constant step size."""
 
-    alpha: float  # step size
+    alpha: float | Schedule  # step size
     gamma: float  # discount
-    epsilon: float  # probability that a step explores
+    epsilon: float | Schedule  # probability that a step explores
     episodes: int
     horizon: int  # steps after which an episode is cut off
     start: Start  # where episodes start: anywhere in the family's states, or at the target start
+    learner: Learner = QLearner()
+    explore: Exploration = EpsilonGreedy()
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            whole = field.name in ("episodes", "horizon")
-            if field.name != "start" and not is_of(
-                value := getattr(self, field.name), int if whole else float
-            ):
-                raise ValueError(f"{field.name} is {value!r}; it must be a {'whole ' * whole}number")
-        _check("alpha", self.alpha, 0 < self.alpha <= 1, "above 0 and at most 1")
+        for name in ("alpha", "gamma", "epsilon", "episodes", "horizon"):
+            value, whole = getattr(self, name), name in ("episodes", "horizon")
+            scheduled = name in ("alpha", "epsilon") and isinstance(value, Schedule)
+            if not (scheduled or is_of(value, int if whole else float)):
+                raise ValueError(f"{name} is {value!r}; it must be a {'whole ' * whole}number")
+        for extreme in _extremes(self.alpha):
+            _check("alpha", self.alpha, 0 < extreme <= 1, "above 0 and at most 1")
         _check("gamma", self.gamma, 0 < self.gamma <= 1, "above 0 and at most 1")
-        _check("epsilon", self.epsilon, 0 <= self.epsilon <= 1, "from 0 to 1")
+        if isinstance(self.epsilon, ByVisits):
+            raise ValueError(f"epsilon is {self.epsilon}; {ByVisits.form} is a schedule of alpha alone")
+        for extreme in _extremes(self.epsilon):
+            _check("epsilon", self.epsilon, 0 <= extreme <= 1, "from 0 to 1")
         _check("episodes", self.episodes, self.episodes >= 1, "at least 1")
         _check("horizon", self.horizon, self.horizon >= 1, "at least 1")
         if self.episodes * self.horizon >= MOST_STEPS:
@@ -43,12 +51,23 @@ class QLearning:
         if self.start not in get_args(Start):
             raise ValueError(f"start is {self.start!r}; it is one of {', '.join(get_args(Start))}")
 
+    @property
+    def last_epsilon(self) -> float:
+        """Probability that a step of the last episode explores; 0 where the exploration is not epsilon-greedy."""
+        if not isinstance(self.explore, EpsilonGreedy):
+            return 0.0
+        return self.epsilon if not isinstance(self.epsilon, Schedule) else self.epsilon.values(self.episodes)[-1]
 
-def curve_bins(learner: str, learning: QLearning) -> int:
+
+def curve_bins(learner: str, learning: Learning) -> int:
     """Bins of a source's learning curve; 0 for the exact learner, which has none."""
     return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
 
 
-def _check(name: str, value: float, fits: bool, wanted: str) -> None:
-    if not (math.isfinite(value) and fits):
+def _extremes(value: float | Schedule) -> tuple[float, ...]:
+    return value.extremes if isinstance(value, Schedule) else (value,)
+
+
+def _check(name: str, value: float | Schedule, fits: bool, wanted: str) -> None:
+    if not (fits and (isinstance(value, Schedule) or math.isfinite(value))):
         raise ValueError(f"{name} is {value}; it must be {wanted}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from qinit_cli.environments.family import Family, draw_tasks
-from qinit_cli.learning import QLearning, curve_bins
+from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.methods.targets import Targets
 from qinit_cli.seeding import Stream
 
@@ -46,7 +46,7 @@ class SourceTasks:
 
     family: Family
     learner: Learner
-    learning: QLearning
+    learning: Learning
     seed: int
     role: Role = "source"
 
@@ -97,7 +97,7 @@ class TargetTasks:
     """Which target tasks, how they are learned, and what is kept of them."""
 
     family: Family
-    learning: QLearning
+    learning: Learning
     seed: int
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none

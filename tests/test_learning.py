@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
-USUAL = QLearning(alpha=0.1, gamma=0.95, epsilon=0.1, episodes=10, horizon=20, start="fixed")
+USUAL = Learning(alpha=0.1, gamma=0.95, epsilon=0.1, episodes=10, horizon=20, start="fixed")
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,7 @@ from qinit_cli.environments.family import draw_tasks
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.watch import Watch
 from qinit_cli.kernels.random_streams import lane_seeds, seeds
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 from qinit_cli.pipeline.sources import sequences
 
@@ -247,7 +247,7 @@ family, some = FAMILIES["corridor"](length=9), np.arange(3)
 tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, some)
 own = sequences(0, Stream.SOURCE_WORLD, some)
 streams = LaneStreams(lane_seeds(sequences(0, Stream.SOURCE_DICE, some)), seeds(sequences(0, Stream.SOURCE_START, some)))
-learning = QLearning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
+learning = Learning(alpha=0.1, gamma=0.9, epsilon=0.3, episodes=200, horizon=50, start="anywhere")
 by_step, by_table = (
     learn(worlds, learning, Start(np.zeros((9, 2))), streams, Records(1), Watch())
     for worlds in (family.worlds(tasks, own), family.tables(tasks).worlds(seeds(own)))

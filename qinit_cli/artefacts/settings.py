@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
@@ -204,7 +204,7 @@ class SourcesSettings:
     algorithm_version: int
     family: StoredFamily
     learner: str
-    learning: QLearning  # of the exact learner with stand-ins for what it does not have
+    learning: Learning  # of the exact learner with stand-ins for what it does not have
     seed: int
     tasks: int
     role: str = "source"
@@ -323,7 +323,7 @@ class SourceSet:
     content: str
     family: StoredFamily
     learner: str
-    learning: QLearning
+    learning: Learning
     tasks: int
     fitted: FitOptions
     given: tuple[str, ...]  # names of the options stored
@@ -382,7 +382,7 @@ class RunSettings:
     algorithm_version: int
     method: StoredMethod
     family: StoredFamily
-    learning: QLearning
+    learning: Learning
     seed: int
     tasks: int
     content: str  # hash of the fit
@@ -441,7 +441,7 @@ class TuningSettings:
     method: StoredMethod
     grid: Mapping[str, Sequence[float]]
     family: StoredFamily
-    learning: QLearning
+    learning: Learning
     seed: int
     tasks: int
     content: str  # hash of the sources
@@ -562,7 +562,7 @@ def _algorithm(family: Family) -> int:
     return int(getattr(family, "algorithm", ALGORITHM))
 
 
-def plain_learning(learning: QLearning, learner: str) -> dict[str, Any]:
+def plain_learning(learning: Learning, learner: str) -> dict[str, Any]:
     """The settings of learning that mean something to the learner: the exact one has neither episodes nor exploration."""
     told = asdict(learning)
     return {name: told[name] for name in OF_EXACT} if learner == "exact" else told
@@ -575,11 +575,11 @@ def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
     return {name: value for name, value in spec.items() if name != "kind"}
 
 
-def _learning(told: Any, learner: str = "q-learning") -> QLearning:
+def _learning(told: Any, learner: str = "q-learning") -> Learning:
     settings = _object(told, "learning")
     if learner == "exact":
         settings = EXACT | _of(settings, "learning", OF_EXACT)
-    return _built(QLearning, settings, "learning")
+    return _built(Learning, settings, "learning")
 
 
 def _built(kind: Callable[..., Made], settings: Spec, what: str) -> Made:

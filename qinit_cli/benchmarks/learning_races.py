@@ -16,7 +16,7 @@ from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.random_streams import Words, lane_seeds, seeds
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream, sequence
 from qinit_cli.watch import Watch
@@ -25,7 +25,7 @@ SOURCE_BINS = 100  # of the learning curve, as train-sources has it
 CONVERGED_STEPS = 3e8  # of Mountain Car sources, over all tasks: what a converged table has behind it
 
 Plain = Callable[
-    [Tasks, QLearning, Floats], int
+    [Tasks, Learning, Floats], int
 ]  # learns each task's table (B, S, A) in place: the steps taken
 
 
@@ -45,7 +45,7 @@ class Stage:
     """A way of learning: what train-sources does, or transfer."""
 
     name: str
-    learning: QLearning
+    learning: Learning
     records: Callable[[int], Records]  # given the episodes
     early: int  # episodes from zeros
     converged: int  # episodes from tables learned before
@@ -104,13 +104,13 @@ def _races(
 
 
 def _ours(
-    family: Family, tasks: Tasks, learning: QLearning, start: Floats, records: Records
+    family: Family, tasks: Tasks, learning: Learning, start: Floats, records: Records
 ) -> Callable[[], float]:
     return lambda: float(_learn(family, tasks, learning, start, records)[1])
 
 
 def _learn(
-    family: Family, tasks: Tasks, learning: QLearning, start: Floats, records: Records
+    family: Family, tasks: Tasks, learning: Learning, start: Floats, records: Records
 ) -> tuple[Floats, int]:
     """The tables learned, (B, S, A), and the steps that took."""
     indices = np.arange(len(tasks))
@@ -132,11 +132,11 @@ def _converged_cars(family: MountainCar, tasks: Tasks, size: Size) -> Floats:
     return _learn(family, tasks, learning, start, Records(1, visits=True, td_var=True))[0]
 
 
-def _plain(loop: Plain, tasks: Tasks, learning: QLearning, start: Floats) -> Callable[[], float]:
+def _plain(loop: Plain, tasks: Tasks, learning: Learning, start: Floats) -> Callable[[], float]:
     return lambda: float(loop(tasks, learning, start.copy()))
 
 
-def _numba_arguments(learning: QLearning) -> tuple[bool, float, float, float, int, int]:
+def _numba_arguments(learning: Learning) -> tuple[bool, float, float, float, int, int]:
     return (
         learning.start == "anywhere",
         learning.alpha,
@@ -147,7 +147,7 @@ def _numba_arguments(learning: QLearning) -> tuple[bool, float, float, float, in
     )
 
 
-def _gridworld_in_numba(tasks: Tasks, learning: QLearning, tables: Floats) -> int:
+def _gridworld_in_numba(tasks: Tasks, learning: Learning, tables: Floats) -> int:
     rng, size = np.random.default_rng(0), round(tables.shape[1] ** 0.5)
     return sum(
         plain_loops.gridworld(
@@ -157,7 +157,7 @@ def _gridworld_in_numba(tasks: Tasks, learning: QLearning, tables: Floats) -> in
     )
 
 
-def _car_in_numba(tasks: Tasks, learning: QLearning, tables: Floats) -> int:
+def _car_in_numba(tasks: Tasks, learning: Learning, tables: Floats) -> int:
     rng, bins = np.random.default_rng(0), round(tables.shape[1] ** 0.5)
     return sum(
         plain_loops.mountain_car(rng, q, bins, float(eta), 0.0, *_numba_arguments(learning))
@@ -166,7 +166,7 @@ def _car_in_numba(tasks: Tasks, learning: QLearning, tables: Floats) -> int:
 
 
 def _gridworld_in_c(loops: ctypes.CDLL) -> Plain:
-    def run(tasks: Tasks, learning: QLearning, tables: Floats) -> int:
+    def run(tasks: Tasks, learning: Learning, tables: Floats) -> int:
         state, size = _state(), round(tables.shape[1] ** 0.5)
         return sum(
             loops.gridworld(
@@ -184,7 +184,7 @@ def _gridworld_in_c(loops: ctypes.CDLL) -> Plain:
 
 
 def _car_in_c(loops: ctypes.CDLL) -> Plain:
-    def run(tasks: Tasks, learning: QLearning, tables: Floats) -> int:
+    def run(tasks: Tasks, learning: Learning, tables: Floats) -> int:
         state, bins = _state(), round(tables.shape[1] ** 0.5)
         return sum(
             loops.mountain_car(state.ctypes.data, q.ctypes.data, bins, eta, 0.0, *_numba_arguments(learning))

@@ -20,7 +20,7 @@ from qinit_store.wording import counted, magnitude, noun, plain
 
 if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables
-    from qinit_cli.learning import QLearning
+    from qinit_cli.learning import Learning
     from qinit_cli.pipeline.job import Plan, Tally
     from qinit_cli.tasks import TargetTasks
 
@@ -150,7 +150,7 @@ def transfer(
     say_result(made, "qinit.transfer/1", sentence, output, display)
 
 
-def _say_overrides(learning: QLearning, sources: QLearning, display: Display) -> None:
+def _say_overrides(learning: Learning, sources: Learning, display: Display) -> None:
     for name in FROM_SOURCES:
         if getattr(learning, name) != getattr(sources, name):
             note(

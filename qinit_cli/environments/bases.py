@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.options import check, options
 
 if TYPE_CHECKING:
@@ -35,10 +35,10 @@ class NeutralFamily:
     tabular: ClassVar[bool] = False
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100
-    source_learning: ClassVar[QLearning] = QLearning(
+    source_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=10_000, horizon=200, start="anywhere"
     )
-    target_learning: ClassVar[QLearning] = QLearning(
+    target_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
     )
 
@@ -107,7 +107,7 @@ class NeutralFamily:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: QLearning) -> str:
+    def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
@@ -119,7 +119,7 @@ class NeutralFamily:
         """NotAllowed: there are no exact tables."""
         raise NotAllowed(f"{self.name} has no exact tables; learn it by q-learning")
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """NotAllowed, as `solve`."""
         raise NotAllowed(f"{self.name} has no exact tables, and the value of a policy on them is not defined")
 
@@ -186,7 +186,7 @@ class TableFamily(NeutralFamily):
         tables_exact.solve(there.after, there.probability, there.open, gamma, EXACT_TOLERANCE, q, td_var)
         return q, td_var
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
         import numpy as np
 

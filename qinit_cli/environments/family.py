@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ class Family(Protocol):
     name: ClassVar[str]
     source_tasks: ClassVar[int]
     target_tasks: ClassVar[int]
-    source_learning: ClassVar[QLearning]
-    target_learning: ClassVar[QLearning]
+    source_learning: ClassVar[Learning]
+    target_learning: ClassVar[Learning]
 
     def __init__(self, **settings: Any) -> None: ...
 
@@ -93,7 +93,7 @@ class Family(Protocol):
         """
         ...
 
-    def refusal(self, learning: QLearning) -> str:
+    def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         ...
 
@@ -108,7 +108,7 @@ class Family(Protocol):
         """Exact Q* and the variance of a step's target under it, (B, S, A) each; NotAllowed if not tabular."""
         ...
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,); NotAllowed if not tabular."""
         ...
 

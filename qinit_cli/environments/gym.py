@@ -23,7 +23,7 @@ from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTa
 from qinit_cli.environments.modules import with_module
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_store.wording import counted
 
@@ -91,10 +91,10 @@ class Gym(TableFamily):
     packages: ClassVar[tuple[str, ...]] = ("gymnasium",)  # whose version decides what happens
     source_tasks: ClassVar[int] = 50
     target_tasks: ClassVar[int] = 50
-    source_learning: ClassVar[QLearning] = QLearning(
+    source_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.99, epsilon=0.5, episodes=10_000, horizon=200, start="fixed"
     )
-    target_learning: ClassVar[QLearning] = QLearning(
+    target_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.99, epsilon=0.1, episodes=1_000, horizon=200, start="fixed"
     )
 
@@ -346,7 +346,7 @@ class Gym(TableFamily):
             return np.ones(len(tasks), np.bool_)
         return super().solvable(tasks, solved, horizon)
 
-    def refusal(self, learning: QLearning) -> str:
+    def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         if self.tabular:
             table(self.env_id, self._example, self.goal or "")  # says so itself if no end is the goal

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
@@ -53,10 +53,10 @@ class MountainCar:
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100
     # alpha, epsilon and the sources' episodes are the paper's; it gives no gamma and no horizon
-    source_learning: ClassVar[QLearning] = QLearning(
+    source_learning: ClassVar[Learning] = Learning(
         alpha=0.05, gamma=0.99, epsilon=0.5, episodes=500_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[QLearning] = QLearning(
+    target_learning: ClassVar[Learning] = Learning(
         alpha=0.05, gamma=0.99, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 
@@ -138,7 +138,7 @@ class MountainCar:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: QLearning) -> str:
+    def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
@@ -163,7 +163,7 @@ class MountainCar:
             "mountain-car is not Markov in its bins: there are no exact tables; learn it by q-learning"
         )
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """NotAllowed, as `solve`."""
         raise NotAllowed(
             "mountain-car is not Markov in its bins: the value of a policy on them is not defined"

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,10 +36,10 @@ class SlipperyGrid:
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 200
     # The paper gives no alpha, gamma, epsilon, horizon or start for the gridworld: our choice.
-    source_learning: ClassVar[QLearning] = QLearning(
+    source_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[QLearning] = QLearning(
+    target_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 
@@ -108,7 +108,7 @@ class SlipperyGrid:
         """Nothing: no setting decides which ends are the goal."""
         return {}
 
-    def refusal(self, learning: QLearning) -> str:
+    def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
@@ -131,7 +131,7 @@ class SlipperyGrid:
         )
         return q, td_var
 
-    def exploring_value(self, tasks: Tasks, q: Floats, learning: QLearning) -> Floats:
+    def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
         import numpy as np
 

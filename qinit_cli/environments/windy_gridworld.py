@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from qinit_cli.environments.bases import TableFamily
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 
 if TYPE_CHECKING:
@@ -46,10 +46,10 @@ class WindyGridworld(TableFamily):
     actions: ClassVar[tuple[str, ...]] = DIRECTIONS
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 200
-    source_learning: ClassVar[QLearning] = QLearning(
+    source_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100_000, horizon=1_000, start="anywhere"
     )
-    target_learning: ClassVar[QLearning] = QLearning(
+    target_learning: ClassVar[Learning] = Learning(
         alpha=0.1, gamma=0.95, epsilon=0.1, episodes=1_000, horizon=1_000, start="fixed"
     )
 

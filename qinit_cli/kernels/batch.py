@@ -15,7 +15,7 @@ from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
 from qinit_cli.kernels.random_streams import Words, exploration_limit
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
@@ -54,7 +54,7 @@ class Worlds(Protocol):
         """The tasks, (B,), in the order in which lanes take them: long ones first, or they end alone."""
         ...
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, Any]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, Any]:
         """The compiled loop, and the world, a NamedTuple, that it takes."""
         ...
 
@@ -118,7 +118,7 @@ class Learned:
 
 def learn(
     worlds: Worlds,
-    learning: QLearning,
+    learning: Learning,
     start: Start,
     streams: LaneStreams,
     records: Records,
@@ -206,7 +206,7 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: QLearning, worlds: Worlds) -> LaneSetting:
+def _setting(learning: Learning, worlds: Worlds) -> LaneSetting:
     return LaneSetting(
         alpha=learning.alpha,
         gamma=learning.gamma,
@@ -244,7 +244,7 @@ def _choosing(
 
 def _posterior(
     hypotheses: Hypotheses | None,
-    learning: QLearning,
+    learning: Learning,
     moments: Integers | None,
     lanes: int,
     shape: tuple[int, int, int],

@@ -19,7 +19,7 @@ from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
 from qinit_cli.kernels.random_streams import Words, below, slip_limit
 from qinit_cli.kernels.worlds import GOAL, place_of, prepare, starts, steps
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 
 class CellWorld(NamedTuple):
@@ -70,7 +70,7 @@ class Gridworlds:
         """As they are: no goal makes episodes much longer than another."""
         return np.arange(len(self))
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, CellWorld]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, CellWorld]:
         """The compiled loop and the world it takes."""
         slip = (1.0 - self.p) / 3
         world = CellWorld(

@@ -32,7 +32,7 @@ TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 
 
 class LaneSetting(NamedTuple):
-    """How a task is learned; `QLearning` as the loop reads it."""
+    """How a task is learned; `Learning` as the loop reads it."""
 
     alpha: float
     gamma: float

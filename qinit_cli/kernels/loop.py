@@ -44,7 +44,7 @@ from qinit_cli.kernels.worlds import (
     start_of,
     step_of,
 )
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 # by a number of eight bits: its lowest that is 1
 LOWEST = np.array([(number & -number).bit_length() - 1 for number in range(1 << 8)])
@@ -69,7 +69,7 @@ class SteppedWorlds:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, Any]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, Any]:
         """The compiled loop and the world it takes."""
         world: Any = self.world
         return compiled_loop(world.__class__), world

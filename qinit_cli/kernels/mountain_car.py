@@ -25,7 +25,7 @@ from qinit_cli.kernels.random_streams import Words, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
 from qinit_cli.kernels.worlds import beside, move, moves_at_once, place_of, prepare, starts, steps
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
 FORCE, GRAVITY = 0.001, 0.0025
@@ -84,7 +84,7 @@ class MountainCars:
         """Those first that are pushed back most: they take up to twelve times the steps of the others."""
         return np.argsort(self.eta, kind="stable")
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, CarWorld]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, CarWorld]:
         """The compiled loop and the world it takes."""
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")

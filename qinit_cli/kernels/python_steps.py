@@ -22,7 +22,7 @@ from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, draw
 from qinit_cli.kernels.worlds import LOST, starts, steps
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 intrinsic: Any = extending.intrinsic
 
@@ -81,7 +81,7 @@ class PythonWorlds:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: QLearning, lanes: int) -> tuple[Function, PythonWorld]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, PythonWorld]:
         """The loop, which raises what a simulator has raised, and the world that it takes."""
 
         def start(task: int, seed: int) -> int:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from qinit_cli.fitted import FittedTables
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.kernels.posterior import Hypotheses
-    from qinit_cli.learning import QLearning
+    from qinit_cli.learning import Learning
 
 LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
 
@@ -173,7 +173,7 @@ class Method:
             clipped=int((clipped != known).sum()),
         )
 
-    def initial_of_all(self, fit: FittedTables, family: Family, learning: QLearning) -> Initial:
+    def initial_of_all(self, fit: FittedTables, family: Family, learning: Learning) -> Initial:
         """The same where no target may be looked at; NotAllowed for a privileged method."""
         if self.privileged:
             raise NotAllowed(f"{self.name} starts from the target itself, not from a fit alone")

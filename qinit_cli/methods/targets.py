@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Tasks
     from qinit_cli.environments.family import Family
-    from qinit_cli.learning import QLearning
+    from qinit_cli.learning import Learning
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,12 @@ class Targets:
     """Target tasks of one family, learned in one way."""
 
     family: Family
-    learning: QLearning
+    learning: Learning
     tasks: Tasks  # (T,)
     tables: Floats  # (T, S, A) Q* of each, exact or learned; no rows for a method that does not need them
 
     @classmethod
-    def unseen(cls, family: Family, learning: QLearning) -> Targets:
+    def unseen(cls, family: Family, learning: Learning) -> Targets:
         """What is shown of targets that nobody may look at: the family and how they are learned."""
         import numpy as np
 

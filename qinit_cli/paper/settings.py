@@ -14,7 +14,7 @@ from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, So
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, UNIFORM, Setting, noise, variance
 from qinit_cli.environments import Family
 from qinit_cli.fitted import FitOptions
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 Differences = dict[str, Any]  # by name
 
@@ -108,7 +108,7 @@ def _fit_differences(options: FitOptions) -> Differences:
     return {name: value for name, usual in PLAIN_FIT.items() if (value := getattr(options, name)) != usual}
 
 
-def _learning_differences(learning: Mapping[str, Any], usual: QLearning) -> Differences:
+def _learning_differences(learning: Mapping[str, Any], usual: Learning) -> Differences:
     return {name: value for name, value in learning.items() if value != getattr(usual, name)}
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_type_hints
 from qinit_cli import cores
 from qinit_cli.environments import Family
 from qinit_cli.errors import UsageError
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.nearest import nearest
 from qinit_cli.options import check, flag, option, options
 
@@ -42,7 +42,7 @@ class LearningSources:
                 f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out"
             )
 
-    def learning(self, family: type[Family]) -> QLearning:
+    def learning(self, family: type[Family]) -> Learning:
         """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
         asked = {name: value for name in names if (value := getattr(self, name)) is not None}
@@ -83,7 +83,7 @@ class LearningTargets:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: QLearning) -> QLearning:
+    def learning(self, family: Family, sources: Learning) -> Learning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
         given = {name: getattr(sources, name) for name in FROM_SOURCES}
         names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
@@ -142,14 +142,14 @@ class CrossValidating:
     def __post_init__(self) -> None:
         check(self)
 
-    def learning(self, family: Family, sources: QLearning) -> QLearning:
+    def learning(self, family: Family, sources: Learning) -> Learning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources; UsageError where that cannot be."""
         given = {name: getattr(sources, name) for name in FROM_SOURCES}
         asked = {} if self.episodes is None else {"episodes": self.episodes}
         return _changed(family.target_learning, given | asked)
 
 
-def _changed(usual: QLearning, asked: dict[str, Any]) -> QLearning:
+def _changed(usual: Learning, asked: dict[str, Any]) -> Learning:
     try:
         return replace(usual, **asked)
     except ValueError as error:

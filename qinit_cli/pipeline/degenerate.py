@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_store.wording import counted, magnitude
 
 ALIKE = 1e-3  # relative: values that differ by less tell no state from another
@@ -36,7 +36,7 @@ class SourcesLearned:
     error: float = math.nan  # median relative error against exact tables; NaN where it is not known
 
 
-def of_sources(learner: str, learning: QLearning, found: SourcesLearned) -> Iterator[str]:
+def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Iterator[str]:
     """Why these sources teach nothing, or little."""
     exact = learner == "exact"
     if not found.tasks:
@@ -92,7 +92,7 @@ class TargetsLearned:
     knows: bool  # whether any source has a value above 0
 
 
-def of_targets(learning: QLearning, found: TargetsLearned) -> Iterator[str]:
+def of_targets(learning: Learning, found: TargetsLearned) -> Iterator[str]:
     """Why this run tells no method from another."""
     if not found.knows:
         yield "no source of this fit has a value above 0: there is nothing to transfer"
@@ -111,7 +111,7 @@ def of_targets(learning: QLearning, found: TargetsLearned) -> Iterator[str]:
     yield from _of_step_size(learning, found.steps)
 
 
-def _nothing_met(exact: bool, learning: QLearning, anywhere: bool) -> str:
+def _nothing_met(exact: bool, learning: Learning, anywhere: bool) -> str:
     if exact:
         return "no way leads to the goal in any task"
     more = "more --episodes or a longer --horizon"
@@ -128,7 +128,7 @@ def _of_values(gamma: float, least: float, largest: float) -> Iterator[str]:
         yield "with --gamma 1 a value is the probability of reaching the goal at all, in however many steps"
 
 
-def _of_step_size(learning: QLearning, steps: float) -> Iterator[str]:
+def _of_step_size(learning: Learning, steps: float) -> Iterator[str]:
     moved = -math.expm1(steps * math.log1p(-learning.alpha)) if learning.alpha < 1 else 1.0
     if steps and moved < UNMOVED:
         yield (

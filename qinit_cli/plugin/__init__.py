@@ -8,7 +8,9 @@ from qinit_cli.environments.bases import NeutralFamily, TableFamily
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FittedTables as Fit
-from qinit_cli.learning import QLearning
+from qinit_cli.learners.learner import Learner
+from qinit_cli.learning import Learning
+from qinit_cli.learning import Learning as QLearning  # its name before there were other learners
 from qinit_cli.methods.method import Initialisation, Look, Method
 from qinit_cli.methods.plus import Plus
 from qinit_cli.methods.targets import Targets
@@ -18,6 +20,8 @@ __all__ = [
     "Family",
     "Fit",
     "Initialisation",
+    "Learner",
+    "Learning",
     "Look",
     "Method",
     "NeutralFamily",

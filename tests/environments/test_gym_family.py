@@ -17,7 +17,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_making import NOTHING_SET
 from qinit_cli.environments.gym_making import made as made_by_gymnasium
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 
 LAKE = Gym(env_id="FrozenLake-v1", vary=["success_rate=uniform:0.4,0.9"])
@@ -28,7 +28,7 @@ POLE = Gym(
     range=["1=-2:2", "3=-2:2"],
     goal="survived",
 )
-LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
+LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
 
 
 def tasks_of(family: Gym, count: int) -> np.ndarray:

@@ -23,10 +23,10 @@ from qinit_cli.environments.gym_making import NOTHING_SET, KeywordArguments, has
 from qinit_cli.environments.gym_spaces import seen
 from qinit_cli.environments.modules import import_named, travelling
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 
-LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=50, start="fixed")
+LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=50, start="fixed")
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +109,7 @@ def test_a_task_that_is_truncated_is_judged_by_what_it_reaches_before() -> None:
 def test_survival_beyond_an_environments_own_limit_is_refused(settings: dict[str, Any]) -> None:
     walk = Gym(**settings, goal="survived")
     assert "cuts episodes off after 8 steps" in walk.refusal(LEARNING)
-    assert walk.refusal(QLearning(0.1, 0.9, 0.1, 10, 8, "fixed")) == ""
+    assert walk.refusal(Learning(0.1, 0.9, 0.1, 10, 8, "fixed")) == ""
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 
 MASK = 2**64 - 1
 
@@ -298,7 +298,7 @@ def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
 
 def learn(
     world,
-    learning: QLearning,
+    learning: Learning,
     table,
     rng: Iterator[int],
     potential=None,

@@ -11,14 +11,14 @@ import reference
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 SIZE = 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17])
 P = np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7])
-EXPLORING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
-GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
+EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
+GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
 ALL = Records(bins=60, visits=True, td_var=True)
 
 
@@ -48,7 +48,7 @@ def potential(tasks: int) -> np.ndarray:
     return np.random.default_rng(6).random((tasks, SIZE**2))
 
 
-def expected(task: int, learning: QLearning, start: Start, given: LaneStreams) -> reference.Outcome:
+def expected(task: int, learning: Learning, start: Start, given: LaneStreams) -> reference.Outcome:
     fixed = 0 if learning.start == "fixed" else None
     starts = reference.xoshiro(given.starts[task])
     world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), fixed, starts)
@@ -62,7 +62,7 @@ def expected(task: int, learning: QLearning, start: Start, given: LaneStreams) -
 
 @pytest.mark.parametrize("learning", [EXPLORING, GREEDY], ids=["exploring", "greedy"])
 @pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
-def test_evaluation_and_policies_equal_the_plain_ones(learning: QLearning, exploring: bool) -> None:
+def test_evaluation_and_policies_equal_the_plain_ones(learning: Learning, exploring: bool) -> None:
     given, policies = probability(11, len(GOALS)), np.random.default_rng(3).integers(0, 4, (5, SIZE**2))
     rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
     start = Start(table(), None, Policies(policies, **rules, explore_while_following=exploring))
@@ -112,7 +112,7 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome) -> None
     "phi", [None, potential(1)[0], potential(len(GOALS))], ids=["unshaped", "shaped", "own potentials"]
 )
 def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
-    learning: QLearning, phi: np.ndarray | None
+    learning: Learning, phi: np.ndarray | None
 ) -> None:
     given = probability(1, len(GOALS))
     start = Start(table(), phi)
@@ -182,13 +182,13 @@ def test_every_step_is_counted_once_and_every_episode_is_in_one_bin() -> None:
 def test_long_learning_comes_near_the_exact_table() -> None:
     """V*(0,0) of the paper's grid is known; constant alpha stays within some per cent of it."""
     task = Gridworlds(30, np.full(4, 20 * 30 + 20), np.full(4, 0.75))
-    source = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
+    source = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
     learned = learn(task, source, Start(np.zeros((900, 4))), probability(6, 4), Records(bins=10), Watch())
     np.testing.assert_allclose(learned.q[:, 0].max(axis=1), 0.056768479844764, rtol=0.1)
 
 
 def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
-    one_step = QLearning(alpha=0.1, gamma=0.9, epsilon=1.0, episodes=36_000, horizon=1, start="anywhere")
+    one_step = Learning(alpha=0.1, gamma=0.9, epsilon=1.0, episodes=36_000, horizon=1, start="anywhere")
     counted = Records(bins=1, visits=True, td_var=True)
     learned = learn(worlds([1]), one_step, Start(table()), probability(7, 1), counted, Watch())
     assert learned.visits is not None
@@ -204,7 +204,7 @@ def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
 @pytest.mark.parametrize("p", [0.6, 0.9])
 def test_the_agent_goes_where_it_meant_to_with_probability_p(p: float) -> None:
     """Episodes of one step from a corner, the goal beside it."""
-    one_step = QLearning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
+    one_step = Learning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
     task = Gridworlds(2, np.array([1]), np.array([p]), start=0)
     learned = learn(task, one_step, Start(np.zeros((4, 4))), probability(8, 1), Records(bins=1), Watch())
     # the goal is to the right: reached by meaning it, or by slipping from one of the three other moves

@@ -16,7 +16,7 @@ from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.random_streams import lane_seeds, seeds
 from qinit_cli.kernels.worlds import CUT, GOAL
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.pipeline.sources import sequences
 from qinit_cli.seeding import Stream
 from qinit_cli.watch import Watch
@@ -29,7 +29,7 @@ POLE = Gym(
     range=["1=-2:2", "3=-2:2"],
     goal="survived",
 )
-LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
+LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=60, horizon=30, start="fixed")
 
 
 def tasks_of(family: Gym, count: int) -> np.ndarray:
@@ -45,7 +45,7 @@ def probability(indices: list[int]) -> LaneStreams:
     )
 
 
-def learned(family: Gym, indices: list[int], learning: QLearning = LEARNING, every: int = 0) -> Any:
+def learned(family: Gym, indices: list[int], learning: Learning = LEARNING, every: int = 0) -> Any:
     tasks = draw_tasks(family, 0, Stream.SOURCE_TASK, np.array(indices))
     worlds = family.worlds(tasks, sequences(0, Stream.SOURCE_WORLD, np.array(indices)))
     start = Start(np.zeros((worlds.states, worlds.actions)))

@@ -14,12 +14,12 @@ from qinit_cli.kernels.gridworld import Gridworlds, neighbours
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 TASKS, STATES, ACTIONS, OUTCOMES = 6, 9, 6, 3
-EXPLORING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
-GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
+EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
+GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=60, horizon=25, start="fixed")
 ALL = Records(bins=60, visits=True, td_var=True)
 
 
@@ -109,7 +109,7 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome) -> None
 
 @pytest.mark.parametrize("learning", [EXPLORING, GREEDY], ids=["exploring", "greedy"])
 @pytest.mark.parametrize("shaped", [False, True])
-def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(learning: QLearning, shaped: bool) -> None:
+def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(learning: Learning, shaped: bool) -> None:
     given = probability(1, TASKS)
     phi = np.random.default_rng(6).random((TASKS, STATES)) if shaped else None
     learned = learn(worlds(), learning, Start(start_table(), phi), given, ALL, Watch())

@@ -18,13 +18,13 @@ from qinit_cli.kernels.compiled import lean
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.mountain_car import PUSHES, MountainCars, bin_of, is_done, moved
 from qinit_cli.kernels.reals import load_reals, store_reals
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 BINS = 6
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
-EXPLORING = QLearning(alpha=0.1, gamma=0.99, epsilon=0.5, episodes=20, horizon=120, start="anywhere")
-GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.1, episodes=12, horizon=250, start="fixed")
+EXPLORING = Learning(alpha=0.1, gamma=0.99, epsilon=0.5, episodes=20, horizon=120, start="anywhere")
+GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.1, episodes=12, horizon=250, start="fixed")
 ALL = Records(bins=12, visits=True, td_var=True)
 
 
@@ -42,7 +42,7 @@ def table() -> np.ndarray:
     return np.random.default_rng(5).integers(0, 3, (BINS**2, 3)) / 8
 
 
-def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learning: QLearning) -> None:
+def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learning: Learning) -> None:
     assert learned.finished[task]
     np.testing.assert_array_equal(learned.q[task], outcome.q)
     np.testing.assert_array_equal(learned.visits[task], outcome.visits)
@@ -56,7 +56,7 @@ def assert_same(learned: Learned, task: int, outcome: reference.Outcome, learnin
 @pytest.mark.parametrize("start", ["point", "valley"])
 @pytest.mark.parametrize("phi", [None, np.linspace(0, 1, BINS**2)], ids=["unshaped", "shaped"])
 def test_the_compiled_loop_equals_the_plain_one_to_the_last_bit(
-    learning: QLearning, start: str, phi: np.ndarray | None
+    learning: Learning, start: str, phi: np.ndarray | None
 ) -> None:
     given = probability(len(ETA))
     learned = learn(

@@ -18,15 +18,15 @@ from qinit_cli.kernels.gridworld_exact import solve
 from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.reals import load_reals, total
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 SIZE, BINS = 6, 6
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17, 33, 5])
 P = np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7, 0.65, 0.85])
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
-GRID = QLearning(alpha=0.1, gamma=0.95, epsilon=0.2, episodes=40, horizon=40, start="anywhere")
-CAR = QLearning(alpha=0.1, gamma=0.99, epsilon=0.3, episodes=20, horizon=150, start="anywhere")
+GRID = Learning(alpha=0.1, gamma=0.95, epsilon=0.2, episodes=40, horizon=40, start="anywhere")
+CAR = Learning(alpha=0.1, gamma=0.99, epsilon=0.3, episodes=20, horizon=150, start="anywhere")
 RULES: list[dict[str, Any]] = [
     {
         "temperature": 0.05,
@@ -93,7 +93,7 @@ def start_of(hypotheses: Hypotheses) -> Start:
 
 
 def learned_from(
-    worlds: Any, learning: QLearning, hypotheses: Hypotheses, given: LaneStreams, lanes: int | None = None
+    worlds: Any, learning: Learning, hypotheses: Hypotheses, given: LaneStreams, lanes: int | None = None
 ) -> tuple[Learned, Weighing]:
     """With every record, so that few loops are compiled."""
     records = Records(learning.episodes, True, True, 7, np.append(MOMENTS, learning.episodes))
@@ -102,7 +102,7 @@ def learned_from(
     return learned, learned.weighing
 
 
-def weighed_by(hypotheses: Hypotheses, learning: QLearning) -> reference.Weighed:
+def weighed_by(hypotheses: Hypotheses, learning: Learning) -> reference.Weighed:
     fields = {field.name: getattr(hypotheses, field.name) for field in dataclasses.fields(hypotheses)}
     tables = fields.pop("q")
     return reference.Weighed(tables, gamma=learning.gamma, alpha=learning.alpha, **fields)
@@ -219,7 +219,7 @@ def test_what_only_refuted_tables_know_is_still_their_mean() -> None:
 
 def test_a_corrected_table_is_what_learning_from_the_last_start_would_hold() -> None:
     """Where targets do not depend on the table: no discounted future, every step explores, episodes of one step."""
-    blind = QLearning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
+    blind = Learning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
     hypotheses = grid_hypotheses(RULES[2] | {"threshold": 0.0}, geometric=False)
     given, worlds = probability(7, len(GOALS)), Gridworlds(SIZE, GOALS, P)
     learned, weighing = learned_from(worlds, blind, hypotheses, given)

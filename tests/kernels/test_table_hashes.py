@@ -18,12 +18,12 @@ from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Sta
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
 STATES, LIBRARY = 9, 11
-EXPLORING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
-GREEDY = QLearning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=70, horizon=25, start="fixed")
+EXPLORING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=60, horizon=40, start="anywhere")
+GREEDY = Learning(alpha=0.2, gamma=0.9, epsilon=0.05, episodes=70, horizon=25, start="fixed")
 ALL = Records(bins=20, visits=True, td_var=True, evaluate_every=7, moments=np.array([0, 1, 5, 50]))
 BARE = Records(bins=60)
 FOLLOWING = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}

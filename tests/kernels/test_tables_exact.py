@@ -12,7 +12,7 @@ from qinit_cli.kernels import tables_exact
 from qinit_cli.kernels.gridworld import neighbours
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
 
 GAMMA, TOLERANCE = 0.95, 1e-12
@@ -61,7 +61,7 @@ def test_exploring_is_worth_what_it_is_in_the_gridworld() -> None:
     tables_exact.exploring_value(
         tables.after, tables.probability, tables.open, GAMMA, 0.1, TOLERANCE, exact, value
     )
-    learning = QLearning(alpha=0.1, gamma=GAMMA, epsilon=0.1, episodes=1, horizon=1, start="fixed")
+    learning = Learning(alpha=0.1, gamma=GAMMA, epsilon=0.1, episodes=1, horizon=1, start="fixed")
     np.testing.assert_allclose(value[:, 0], FAMILY.exploring_value(TASKS, exact, learning), rtol=1e-9)
 
 

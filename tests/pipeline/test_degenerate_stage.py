@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from qinit_cli.commands.train_sources import _told
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.pipeline.degenerate import SourcesLearned, TargetsLearned, of_fit, of_sources, of_targets
 from qinit_cli.pipeline.source_findings import LearnedSources
 
-LEARNING = QLearning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
+LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
 SOUND = SourcesLearned(
     tasks=10, positive=10, solvable=10, solved=9, least=0.01, largest=1.0, steps=1e4, error=0.02
 )

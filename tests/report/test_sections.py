@@ -14,7 +14,7 @@ from qinit_cli.artefacts.settings import (
     StoredMethod,
 )
 from qinit_cli.fitted import FitOptions
-from qinit_cli.learning import QLearning
+from qinit_cli.learning import Learning
 from qinit_cli.report import comparison, judged, numbers, origin, settings
 from qinit_cli.report.content import Block, Folded, Judgement, Pairs, Points, Subheading, Table
 
@@ -189,7 +189,7 @@ def test_verdicts_are_counted_in_one_sentence() -> None:
     assert judged.findings(VERDICTS[3:]) == []
 
 
-LEARNING = QLearning(0.1, 0.95, 0.0, 1, 50, "fixed")
+LEARNING = Learning(0.1, 0.95, 0.0, 1, 50, "fixed")
 
 
 def sources(variance: float, seed: int, tasks: int = 100) -> SourcesSettings:

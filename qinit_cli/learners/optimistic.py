@@ -1,0 +1,61 @@
+"""Learners that are greedy on values which are too large until they know better: MaxQInit was made for them (Abel et al., 2018)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from qinit_cli.learners.learner import Learner
+from qinit_cli.options import option
+
+if TYPE_CHECKING:
+    from qinit_cli.kernels.learner import Batch
+    from qinit_cli.learning import Learning
+
+
+@dataclass(frozen=True)
+class DelayedQ(Learner):
+    """Delayed Q-learning: after m steps from (s, a), Q(s, a) becomes the mean of their r + gamma max_b Q(s', b), plus epsilon1.
+
+    It does if that lowers it by epsilon1 at least; else (s, a) learns no more until some value has changed since. Unknown pairs hold
+    the method's start in place of 1 / (1 - gamma). Strehl et al. (2006), algorithm 1.
+    """
+
+    name: ClassVar[str] = "delayed-q"
+    steps: ClassVar[bool] = False
+    weighs: ClassVar[bool] = False
+    shapes: ClassVar[bool] = False
+    optimism: ClassVar[float] = 1.0
+    explores: ClassVar[bool] = False
+    m: int = option(5, "Steps from a state-action that make one update.", low=1)
+    epsilon1: float = option(0.001, "What an update adds to its mean, and lowers a value by at least.", low=0)
+
+    def kernel(self, learning: Learning, batch: Batch) -> Any:
+        """What each lane has met since the last update of a state-action."""
+        from qinit_cli.kernels.delayed_q import new_delayed
+
+        return new_delayed(batch, self.m, self.epsilon1)
+
+
+@dataclass(frozen=True)
+class RMax(Learner):
+    """R-Max: plans in the model of the state-actions that it has met `known` times; the others hold the method's start.
+
+    A known Q(s, a) is the mean of r + gamma max_b Q(s', b) over the first `known` steps from it, kept so to `tolerance` by backups
+    of what a change reaches. Brafman & Tennenholtz (2002).
+    """
+
+    name: ClassVar[str] = "r-max"
+    steps: ClassVar[bool] = False
+    weighs: ClassVar[bool] = False
+    shapes: ClassVar[bool] = False
+    optimism: ClassVar[float] = 1.0
+    explores: ClassVar[bool] = False
+    known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=10_000)
+    tolerance: float = option(1e-6, "Change of a state's value below which those before it are left alone.", low=0)
+
+    def kernel(self, learning: Learning, batch: Batch) -> Any:
+        """The model of each lane."""
+        from qinit_cli.kernels.r_max import new_model
+
+        return new_model(batch, self.known, self.tolerance)

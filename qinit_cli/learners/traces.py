@@ -1,0 +1,61 @@
+"""Learners whose step changes what led to it, too: eligibility traces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from qinit_cli.learners.learner import Learner
+from qinit_cli.options import option
+
+if TYPE_CHECKING:
+    from qinit_cli.kernels.learner import Batch
+    from qinit_cli.learning import Learning
+
+LAMBDA = option(0.9, "Share of a trace that lasts a step, beside gamma.", low=0, high=1)
+TRACES = option("replacing", "A state-action that is met again has a trace of 1, or one more than it had.")
+LEAST = option(0.001, "Trace below which a state-action is forgotten.", above=0, below=1)
+
+
+@dataclass(frozen=True)
+class QLambda(Learner):
+    """Watkins' Q(lambda): every Q(x, b) += alpha delta e(x, b), delta = r + gamma max_c Q(s', c) - Q(s, a).
+
+    Traces e fall by gamma lambda a step, and are all cut where the action taken is not greedy. Watkins (1989); Sutton & Barto
+    (2018), section 12.10. With lambda 0 it is Q-learning.
+    """
+
+    name: ClassVar[str] = "q-lambda"
+    weighs: ClassVar[bool] = False
+    lambda_: float = LAMBDA
+    traces: Literal["replacing", "accumulating"] = TRACES
+    least: float = LEAST
+
+    def kernel(self, learning: Learning, batch: Batch) -> Any:
+        """The traces of each lane."""
+        from qinit_cli.kernels.traces import new_watkins
+
+        return new_watkins(batch, learning.gamma * self.lambda_, self.traces == "accumulating", self.least)
+
+
+@dataclass(frozen=True)
+class SarsaLambda(Learner):
+    """Sarsa(lambda): every Q(x, b) += alpha delta e(x, b), delta = r + gamma Q(s', a') - Q(s, a), a' the action taken in s'.
+
+    Traces e fall by gamma lambda a step. Where the horizon cuts an episode off, see Sarsa. Rummery & Niranjan (1994); Sutton & Barto
+    (2018), section 12.7. With lambda 0 it is Sarsa.
+    """
+
+    name: ClassVar[str] = "sarsa-lambda"
+    weighs: ClassVar[bool] = False
+    lambda_: float = LAMBDA
+    traces: Literal["replacing", "accumulating"] = TRACES
+    least: float = LEAST
+
+    def kernel(self, learning: Learning, batch: Batch) -> Any:
+        """The traces of each lane, and its step that waits for the action after it."""
+        from qinit_cli.kernels.traces import new_sarsa_lambda
+
+        return new_sarsa_lambda(
+            batch, learning.gamma * self.lambda_, self.traces == "accumulating", self.least
+        )
