@@ -53,13 +53,15 @@ class Boltzmann(Exploration):
     """Action a with a probability that is proportional to exp(Q(s, a) / temperature)."""
 
     name: ClassVar[str] = "boltzmann"
-    temperature: float = option(0.01, "Difference of values that makes one action e times as probable.", above=0)
+    temperature: float = option(
+        0.01, "Difference of values that makes one action e times as probable.", above=0
+    )
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """The temperature."""
-        from qinit_cli.kernels.exploration import Softmax
+        from qinit_cli.kernels.exploration import new_softmax
 
-        return Softmax(1.0 / self.temperature)
+        return new_softmax(batch, self.temperature)
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,9 @@ class Learning:
         """Probability that a step of the last episode explores; 0 where the exploration is not epsilon-greedy."""
         if not isinstance(self.explore, EpsilonGreedy):
             return 0.0
-        return self.epsilon if not isinstance(self.epsilon, Schedule) else self.epsilon.values(self.episodes)[-1]
+        return (
+            self.epsilon if not isinstance(self.epsilon, Schedule) else self.epsilon.values(self.episodes)[-1]
+        )
 
 
 def curve_bins(learner: str, learning: Learning) -> int:

@@ -11,10 +11,11 @@ import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes
+from qinit_cli.kernels.learner import Batch, new_rate
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
-from qinit_cli.kernels.random_streams import Words, exploration_limit
+from qinit_cli.kernels.random_streams import Words
 from qinit_cli.learning import Learning
 from qinit_cli.watch import Watch
 
@@ -67,6 +68,7 @@ class LaneStreams:
     starts: Words  # (B, 4) where episodes start
     evaluation: Words | None = None  # (B, 4) greedy episodes; needed if there are any
     choices: Words | None = None  # (B, 4) choosing and following policies; needed if there are any
+    learner: Words | None = None  # (B, 4) what a learner draws by itself; needed if it does
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,10 @@ def learn(
     evaluation = _evaluation(records.evaluate_every, learning.episodes, streams.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
-    posterior = _posterior(start.hypotheses, learning, records.moments, lanes, shape)
+    posterior = _posterior(start.hypotheses, learning.gamma, records.moments, lanes, shape)
+    if streams.learner is not None:
+        _expect("learner streams", streams.learner.shape, (batch, 4))
+    inside = Batch(batch, lanes, worlds.states, worlds.actions, streams.learner)
     hooks = Hooks(
         _potential(start.potential, batch, worlds.states),
         _choosing(start.policies, streams.choices, lanes, shape),
@@ -160,9 +165,9 @@ def learn(
     )
     arguments = (
         world,
-        _setting(learning, worlds),
+        _setting(learning, worlds, inside),
         tasks,
-        new_lanes(lanes, worlds.states, worlds.actions, worlds.queue()),
+        new_lanes(lanes, worlds.states, worlds.actions, worlds.queue(), learning.learner.waits),
         Recording(visits, td_var, evaluation),
         hooks,
     )
@@ -206,11 +211,12 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: Learning, worlds: Worlds) -> LaneSetting:
+def _setting(learning: Learning, worlds: Worlds, batch: Batch) -> LaneSetting:
     return LaneSetting(
-        alpha=learning.alpha,
         gamma=learning.gamma,
-        exploration=exploration_limit(learning.epsilon),
+        learner=learning.learner.kernel(learning, batch),
+        rate=new_rate(learning, batch),
+        explore=learning.explore.kernel(learning, batch),
         episodes=learning.episodes,
         horizon=learning.horizon,
         anywhere=learning.start == "anywhere",
@@ -244,7 +250,7 @@ def _choosing(
 
 def _posterior(
     hypotheses: Hypotheses | None,
-    learning: Learning,
+    gamma: float,
     moments: Integers | None,
     lanes: int,
     shape: tuple[int, int, int],
@@ -255,7 +261,7 @@ def _posterior(
     _expect("hypotheses", hypotheses.q.shape, (len(hypotheses.q), *shape[1:]))
     _expect("hypotheses' TD variance", hypotheses.td_var.shape, hypotheses.q.shape)
     kept = np.empty(0, np.int64) if moments is None else moments
-    return new_posterior(hypotheses, learning.alpha, learning.gamma, kept, batch, lanes)
+    return new_posterior(hypotheses, gamma, kept, batch, lanes)
 
 
 def _potential(potential: Floats | None, batch: int, states: int) -> Floats | None:

@@ -19,8 +19,7 @@ from qinit_cli.arrays import Floats, Integers
 from qinit_cli.kernels.choices import ACTIONS, NO_SLIP, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, unkept
 from qinit_cli.kernels.parts import body, part
-from qinit_cli.kernels.policies import followed, follows
-from qinit_cli.kernels.random_streams import LOW_12, LOW_20, TWELVE
+from qinit_cli.kernels.random_streams import LOW_12, TWELVE
 from qinit_cli.kernels.vectors import WIDTH, add_to_entry
 
 BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
@@ -34,9 +33,10 @@ TD_VAR_RATE = 0.01  # of the exponential running mean of squared TD errors
 class LaneSetting(NamedTuple):
     """How a task is learned; `Learning` as the loop reads it."""
 
-    alpha: float
     gamma: float
-    exploration: np.uint64  # steps whose 20 bits of a draw are below explore
+    learner: Any  # a class of learner.py or one like it
+    rate: Any  # a class of learner.py
+    explore: Any  # a class of exploration.py
     episodes: int
     horizon: int
     anywhere: bool  # where episodes start; else at the target start
@@ -95,6 +95,7 @@ class Memory(NamedTuple):
     td_var: Any  # f8, the same memory, td_var in places 4 to 7
     draws: Any  # u8 (L, BLOCK)
     choices: Any  # u2 (L, BLOCK)
+    actions: int
 
 
 class WideMemory(NamedTuple):
@@ -106,8 +107,15 @@ class WideMemory(NamedTuple):
     td_var: Any  # f8, the same memory, td_var after them
     draws: Any  # u8 (L, BLOCK)
     choices: Any  # u2 (L, 0)
-    width: int  # W, a multiple of four
     actions: int
+    width: int  # W, a multiple of four
+
+
+class Waiting(NamedTuple):
+    """The step of each lane whose update waits for the action after it."""
+
+    state: Any  # i8 (L,) where it began; -1: none waits
+    action: Any  # i8 (L,)
 
 
 class Lanes(NamedTuple):
@@ -120,12 +128,13 @@ class Lanes(NamedTuple):
     state: Any  # u4 (L,)
     action: Any  # u1 (L,) of the coming step
     after: Any  # u4 (L,) the place that it leads to, see worlds.place_of
+    waiting: Any  # a Waiting, or None if the learner does not wait
     time: Any  # i8 (L,) steps of the current episode before this block
     ended: Any  # i8 (L,) episodes of the task that have ended
     lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
 
 
-def new_lanes(count: int, states: int, actions: int, queue: Integers) -> Lanes:
+def new_lanes(count: int, states: int, actions: int, queue: Integers, waits: bool) -> Lanes:
     """Lanes that nobody has learned in, and who waits for them."""
     width = -(-actions // WIDTH) * WIDTH
     visits = _aligned(count, (states + 2) * 2 * width).view(np.int64)
@@ -137,15 +146,16 @@ def new_lanes(count: int, states: int, actions: int, queue: Integers) -> Lanes:
         np.zeros((count, BLOCK), np.uint64),
     )
     return Lanes(
-        memory=Memory(*arrays, np.zeros((count, BLOCK), np.uint16))
+        memory=Memory(*arrays, np.zeros((count, BLOCK), np.uint16), actions)
         if actions <= FEW
-        else WideMemory(*arrays, np.zeros((count, 0), np.uint16), width, actions),
+        else WideMemory(*arrays, np.zeros((count, 0), np.uint16), actions, width),
         task=np.full(count, -1, np.int64),
         queue=queue,
         following=np.zeros(1, np.int64),
         state=np.zeros(count, np.uint32),
         action=np.zeros(count, np.uint8),
         after=np.zeros(count, np.uint32),
+        waiting=Waiting(np.full(count, -1), np.zeros(count, np.int64)) if waits else None,
         time=np.zeros(count, np.int64),
         ended=np.full(count, NEVER),
         lengths=np.zeros((count, BLOCK), np.int64),
@@ -169,6 +179,7 @@ def own(memory, lane):
         memory.td_var[lane],
         memory.draws[lane],
         memory.choices[lane],
+        memory.actions,
     )
 
 
@@ -181,8 +192,8 @@ def _own_wide(memory, lane):
         memory.td_var[lane],
         memory.draws[lane],
         memory.choices[lane],
-        memory.width,
         memory.actions,
+        memory.width,
     )
 
 
@@ -198,26 +209,6 @@ def _width_of_wide(memory):
 
 
 @part
-def choose(memory, step, lane, state, exploration, choosing):
-    """What a lane's step does: its choice, and the action that follows from it."""
-    choice, tied = np.uint64(memory.choices[step]), np.uint64(memory.ties[state])
-    choice = choice | tied if choosing is None else followed(choosing, lane, choice, tied, state)
-    return choice, ACTIONS[choice]
-
-
-@body(choose, WideMemory)
-def _choose_wide(memory, step, lane, state, exploration, choosing):
-    drawn = memory.draws[step]
-    explores = ((drawn >> TWELVE) & LOW_20) < exploration
-    action = _picked(memory, state, drawn, explores)
-    if choosing is not None:
-        follows_policy = follows(choosing, lane)
-        if follows_policy and not (explores and choosing.explore_while_following):
-            action = np.int64(choosing.policies[choosing.chosen[lane], state])
-    return np.uint64(0), action
-
-
-@part
 def greedy_action(memory, state, drawn):
     """One of a state's greedy actions, by the lower 12 bits of a draw."""
     return ACTIONS[greedy_choice(drawn, NO_SLIP[0], NO_SLIP[1], NO_SLIP[2]) | memory.ties[state]]
@@ -225,15 +216,15 @@ def greedy_action(memory, state, drawn):
 
 @body(greedy_action, WideMemory)
 def _greedy_action_wide(memory, state, drawn):
-    return _picked(memory, state, drawn, False)
+    return picked(memory, state, drawn, False)
 
 
 @inlined
-def _picked(memory, state, drawn, explores):
+def picked(memory, state, drawn, explores):
     """One of the greedy actions, or of all where the step explores, by the lower 12 bits of its draw."""
-    row = (memory.width + WIDTH) * np.int64(state)
+    row = (width_of(memory) + WIDTH) * np.int64(state)
     values = memory.rows[row : row + memory.actions]
-    best, tied, picked = values[0], 0, 0
+    best, tied, taken = values[0], 0, 0
     for value in values:
         best = max(best, value)
     for value in values:
@@ -241,45 +232,24 @@ def _picked(memory, state, drawn, explores):
     pick = np.int64(((drawn & LOW_12) * np.uint64(tied)) >> TWELVE)
     for action in range(len(values)):  # no branch that a processor could guess wrong
         may = (values[action] == best) | explores
-        picked = action if may & (pick == 0) else picked
+        taken = action if may & (pick == 0) else taken
         pick -= may
-    return picked
+    return taken
 
 
 @part
-def _change(memory, row, action, amount):
+def change(memory, row, action, amount):
     """Adds to a row's value: the largest afterwards, and which of them equal it."""
     return add_to_entry(memory.rows, row, action, amount)
 
 
-@body(_change, WideMemory)
+@body(change, WideMemory)
 def _change_wide(memory, row, action, amount):
     memory.rows[row + action] += amount
     best = memory.rows[row]
     for place in range(1, memory.actions):
         best = max(best, memory.rows[row + place])
     return best, 0
-
-
-@inlined
-def update(memory, state, action, after, alpha, gamma, potential, visits, td_var):
-    """Q-learning's update for one step; brings the row of `state`, its ties and tallies up to date."""
-    width = width_of(memory)
-    row, entered = (width + WIDTH) * state, (width + WIDTH) * after + width
-    target = memory.rows[entered + WORTH]
-    if potential is not None:
-        # that of an end is 0, else shaping would change which policy is best (Ng et al., 1999)
-        target = target + memory.rows[entered + WORTH_OF_POTENTIAL] - memory.rows[row + width + POTENTIAL]
-    error = target - memory.rows[row + action]
-    best, tied = _change(memory, row, action, alpha * error)
-    memory.rows[row + width + WORTH] = gamma * best
-    memory.ties[state] = tied
-    if visits is not None:
-        memory.visits[2 * width * state + action] += 1
-    if td_var is not None:
-        place = 2 * width * state + width + action
-        spread = memory.td_var[place]
-        memory.td_var[place] = spread + TD_VAR_RATE * (error * error - spread)
 
 
 @inner

@@ -1,8 +1,8 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Tabular Q-learning, compiled: one loop for every world, many tasks a call, a few side by side.
+"""Tabular learning, compiled: one loop for every world, learner and exploration, many tasks a call, a few side by side.
 
-The loop is compiled for each class of worlds, with its parts inlined, and kept with their package's code. What a task learns
-depends on its own streams alone, not on its batch.
+The loop is compiled for their classes, with their parts inlined, and kept with the code of the world's package. What a task
+learns depends on its own streams alone, not on its batch.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.compiled import inlined, kept_with, unkept, unkept_inlined
+from qinit_cli.kernels.exploration import choose, count_step, decided_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
-    choose,
     end_block,
     evaluation_due,
     greedy_action,
@@ -26,8 +26,8 @@ from qinit_cli.kernels.lane import (
     leave,
     own,
     take,
-    update,
 )
+from qinit_cli.kernels.learner import arrive, begin_task, chose, end_learning, update
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.policies import begin, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
@@ -114,7 +114,7 @@ def _prepare(world, setting, tasks, lanes, lane):
         lane,
         task,
         tasks.world_dice[task],
-        setting.exploration,
+        decided_limit(setting.explore),
         setting.all_actions,
         memory.draws,
         memory.choices,
@@ -159,7 +159,19 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
             for place in range(count):
                 memory = own(memories, place)
                 _, action[place] = _chosen(
-                    memory, step, first + place, state[place], setting, hooks.choosing, posterior
+                    memory,
+                    step,
+                    first + place,
+                    task[place],
+                    state[place],
+                    setting,
+                    lanes.ended,
+                    lanes.waiting,
+                    hooks.potential,
+                    hooks.choosing,
+                    posterior,
+                    recording.visits,
+                    recording.td_var,
                 )
             ended = move(world, first, step, action, states, after)
         for place in range(count):
@@ -167,14 +179,28 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
             if at_once:
                 acts, there = action[place], after[place]
             else:
-                chose, acts = _chosen(memory, step, lane, here, setting, hooks.choosing, posterior)
+                choice, acts = _chosen(
+                    memory,
+                    step,
+                    lane,
+                    task[place],
+                    here,
+                    setting,
+                    lanes.ended,
+                    lanes.waiting,
+                    hooks.potential,
+                    hooks.choosing,
+                    posterior,
+                    recording.visits,
+                    recording.td_var,
+                )
                 there = place_of(
                     world,
                     task[place],
                     lane,
                     step,
                     here,
-                    chose,
+                    choice,
                     acts,
                     memory.draws[step],
                     tasks.world_dice,
@@ -185,19 +211,23 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
             there = np.uint32(entered(world, there, states))
             if posterior is not None and posterior.live[lane] and there < states:
                 refresh(posterior, lane, memory, there, gamma)
-            update(
+            if _waits(lanes.waiting, lane, here, acts, there < states):
+                continue
+            _learn_step(
                 memory,
+                lane,
+                task[place],
                 here,
                 acts,
                 there,
-                setting.alpha,
-                gamma,
+                -1,
+                setting,
+                lanes.ended,
                 hooks.potential,
+                posterior,
                 recording.visits,
                 recording.td_var,
             )
-            if posterior is not None and posterior.live[lane]:
-                weigh(posterior, lane, task[place], here, acts, there)
         if ended or step == cut_off:
             over = 0  # a bit for each lane whose episode is; a branch for each would often be guessed wrong
             for place in range(count):
@@ -219,6 +249,7 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
                         lanes,
                         recording,
                         recording.evaluation,
+                        hooks,
                         hooks.choosing,
                         posterior,
                     )
@@ -233,11 +264,94 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
 
 
 @inlined
-def _chosen(memory, step, lane, state, setting, choosing, posterior):
-    """What a lane's step does: its choice, and the action that follows from it."""
+def _chosen(
+    memory,
+    step,
+    lane,
+    task,
+    state,
+    setting,
+    ended,
+    waiting,
+    potential,
+    choosing,
+    posterior,
+    visits,
+    td_var,
+):
+    """What a lane's step does: its choice, and the action that follows from it, for which the step before may have waited."""
     if posterior is not None and posterior.live[lane]:
         refresh(posterior, lane, memory, state, setting.gamma)
-    return choose(memory, step, lane, state, setting.exploration, choosing)
+    arrive(setting.learner, memory, lane, state, setting.gamma)
+    choice, action = choose(memory, setting.explore, step, lane, state, ended[lane], choosing)
+    count_step(setting.explore, memory, lane, state, action)
+    if waiting is not None:
+        if waiting.state[lane] >= 0:
+            _learn_step(
+                memory,
+                lane,
+                task,
+                waiting.state[lane],
+                waiting.action[lane],
+                state,
+                np.int64(action),
+                setting,
+                ended,
+                potential,
+                posterior,
+                visits,
+                td_var,
+            )
+            waiting.state[lane] = -1
+    chose(setting.learner, memory, lane, state, action)
+    return choice, action
+
+
+@inlined
+def _waits(waiting, lane, state, action, goes_on):
+    """True if the step waits for the action after it; notes it."""
+    if waiting is not None:
+        if goes_on:
+            waiting.state[lane], waiting.action[lane] = state, action
+            return True
+    return False
+
+
+@inlined
+def _learn_step(
+    memory,
+    lane,
+    task,
+    state,
+    action,
+    after,
+    following,
+    setting,
+    ended,
+    potential,
+    posterior,
+    visits,
+    td_var,
+):
+    """Learns from a step, and lets it move the weights of hypotheses."""
+    if np.int64(after) < len(memory.ties) - 2:
+        arrive(setting.learner, memory, lane, after, setting.gamma)
+    alpha = update(
+        setting.learner,
+        memory,
+        lane,
+        state,
+        action,
+        after,
+        following,
+        setting,
+        ended[lane],
+        potential,
+        visits,
+        td_var,
+    )
+    if posterior is not None and posterior.live[lane]:
+        weigh(posterior, lane, task, state, action, after, 1.0 - alpha)
 
 
 @inlined
@@ -259,13 +373,21 @@ def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, poster
         begin(choosing, lane, task)
     if posterior is not None:
         begin_weighing(posterior, tasks, lane, task)
+    memory = own(lanes.memory, lane)
+    begin_task(setting.learner, memory, lane, task)
+    begin_task(setting.rate, memory, lane, task)
+    begin_task(setting.explore, memory, lane, task)
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
 
 
 @unkept_inlined
-def _end(lane, length, reached, world, setting, tasks, lanes, recording, evaluation, choosing, posterior):
+def _end(
+    lane, length, reached, world, setting, tasks, lanes, recording, evaluation, hooks, choosing, posterior
+):
     """Notes an episode's end, with all that hangs on it, and goes where the next one starts."""
     task, episode = lanes.task[lane], lanes.ended[lane]
+    _learn_last(world, setting, tasks, lanes, lane, recording, hooks, lanes.waiting, posterior)
+    end_learning(setting.learner, lane)
     if posterior is not None and posterior.live[lane]:
         evaluated = False
         if evaluation is not None:
@@ -285,6 +407,29 @@ def _end(lane, length, reached, world, setting, tasks, lanes, recording, evaluat
 
 
 @unkept_inlined
+def _learn_last(world, setting, tasks, lanes, lane, recording, hooks, waiting, posterior):
+    """Learns from an episode's last step where it waits for an action that does not follow: the episode was cut off."""
+    if waiting is not None:
+        if waiting.state[lane] >= 0:
+            _learn_step(
+                own(lanes.memory, lane),
+                lane,
+                lanes.task[lane],
+                waiting.state[lane],
+                waiting.action[lane],
+                np.int64(entered(world, lanes.state[lane], tasks.q.shape[1])),
+                -1,
+                setting,
+                lanes.ended,
+                hooks.potential,
+                posterior,
+                recording.visits,
+                recording.td_var,
+            )
+            waiting.state[lane] = -1
+
+
+@unkept_inlined
 def _evaluate(world, setting, tasks, lanes, lane, ended, evaluation):
     """Plays a greedy episode from the target start with what the lane's task has learned in `ended` episodes, if it is time."""
     if evaluation is not None and evaluation_due(evaluation, ended, setting.episodes):
@@ -293,11 +438,13 @@ def _evaluate(world, setting, tasks, lanes, lane, ended, evaluation):
 
 @unkept
 def _play(world, setting, tasks, lanes, lane, ended, evaluation):
+    """A greedy episode without learning."""
     task, memory = lanes.task[lane], own(lanes.memory, lane)
     rng, length = evaluation.rng[task], 0
     code = np.int64(start_of(world, task, lane, rng, False))
     while code >= 0 and length < setting.horizon:
         drawn = draw(rng)
+        arrive(setting.learner, memory, lane, code, setting.gamma)
         action = np.int64(greedy_action(memory, code, drawn))
         uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
         code = np.int64(step_of(world, task, lane, code, action, uniform, rng))

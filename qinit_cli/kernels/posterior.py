@@ -5,8 +5,8 @@ Table i is a hypothesis about the target. A step's TD error under it, d = r + ga
 scale where the hypothesis is true, so ln w_i falls by temperature * min(cap, (d^2 - c td_var_i(s, a)) / (td_var_i(s, a) +
 floor^2) - excess): c is 1 for centred evidence, whose mean is 0 where the hypothesis is true, else 0, and then it is at least 0.
 The start M is the mean of the tables under the weights. When these have moved by more than `threshold` since M was last made,
-M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a): what learning with the same targets would
-hold had it begun at M'. That factor changes only where the agent acts, so a state's row is brought up to date when the agent
+M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a), or by the product of their 1 - alpha_k: what
+learning with the same targets would hold had it begun at M'. That factor changes only where the agent acts, so a state's row is brought up to date when the agent
 comes to it.
 """
 
@@ -70,14 +70,13 @@ class PosteriorState(NamedTuple):
     freeze: int
     threshold: float
     geometric: bool
-    kept: float  # 1 - alpha
     log_weight: Any  # f8 (L, K)
     weight: Any  # f8 (L, K)
     mixed: Any  # f8 (L, K) the weights that M was made with
     version: Any  # i8 (L,) of M
     current: Any  # i8 (L, S) the version that a state's row is of
     start: Any  # f8 (L, S * A) M as that row has it
-    left: Any  # f8 (L, S * A) (1 - alpha)^n, the share of M in Q
+    left: Any  # f8 (L, S * A) the product of 1 - alpha of the updates, the share of M in Q
     goals: Any  # i8 (L,) reached
     live: Any  # b1 (L,) the weights of the lane's task are not frozen
     next_moment: Any  # i8 (L,)
@@ -88,7 +87,7 @@ class PosteriorState(NamedTuple):
 
 
 def new_posterior(
-    hypotheses: Hypotheses, alpha: float, gamma: float, moments: Integers, batch: int, lanes: int
+    hypotheses: Hypotheses, gamma: float, moments: Integers, batch: int, lanes: int
 ) -> PosteriorState:
     """What the loops need to weigh the hypotheses in that many lanes."""
     count, states, actions = hypotheses.q.shape
@@ -121,7 +120,6 @@ def new_posterior(
         freeze=int(hypotheses.freeze),
         threshold=float(hypotheses.threshold),
         geometric=bool(hypotheses.geometric),
-        kept=1.0 - alpha,
         log_weight=np.zeros((lanes, padded)),
         weight=np.zeros((lanes, padded)),
         mixed=np.zeros((lanes, padded)),
@@ -158,13 +156,14 @@ def begin(posterior, tasks, lane, task):
 
 
 @inlined
-def weigh(posterior, lane, task, state, action, after):
+def weigh(posterior, lane, task, state, action, after, kept):
     """What a step says, after its update: moves the weights and, if they have moved far enough, the version of M.
 
-    `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere.
+    `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere; `kept` is
+    1 - alpha of the update.
     """
     pair = posterior.actions * np.int64(state) + np.int64(action)
-    posterior.left[lane, pair] *= posterior.kept
+    posterior.left[lane, pair] *= kept
     log_weight, values = posterior.log_weight[lane], posterior.values[pair]
     worth, precision = posterior.worth[np.int64(after)], posterior.precision[pair]
     expected, cap, least = posterior.expected[pair], posterior.cap, posterior.least

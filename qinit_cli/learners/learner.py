@@ -22,10 +22,17 @@ class Learner:
 
     name: ClassVar[str]
     steps: ClassVar[bool] = True  # whether it has a step size
-    weighs: ClassVar[bool] = True  # whether (1 - alpha)^n of its start is left after n updates: the posterior can move it
+    weighs: ClassVar[bool] = (
+        True  # whether (1 - alpha)^n of its start is left after n updates: the posterior can move it
+    )
     shapes: ClassVar[bool] = True  # whether it learns from shaped rewards
-    optimism: ClassVar[float] = 0.0  # value of unknown state-actions where nothing is transferred: the start of source tasks
-    explores: ClassVar[bool] = True  # whether it needs an exploration; else it is greedy unless one is asked for
+    optimism: ClassVar[float] = (
+        0.0  # value of unknown state-actions where nothing is transferred: the start of source tasks
+    )
+    explores: ClassVar[bool] = (
+        True  # whether it needs an exploration; else it is greedy unless one is asked for
+    )
+    waits: ClassVar[bool] = False  # whether an update waits for the action after its step
     learns: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

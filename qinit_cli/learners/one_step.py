@@ -37,12 +37,13 @@ class Sarsa(Learner):
     """
 
     name: ClassVar[str] = "sarsa"
+    waits: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
-        """The step of each lane that waits for the action after it."""
-        from qinit_cli.kernels.learner import new_waiting
+        """No memory of its own."""
+        from qinit_cli.kernels.learner import OnPolicy
 
-        return new_waiting(batch.lanes)
+        return OnPolicy()
 
 
 @dataclass(frozen=True)

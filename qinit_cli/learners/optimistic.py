@@ -52,7 +52,9 @@ class RMax(Learner):
     optimism: ClassVar[float] = 1.0
     explores: ClassVar[bool] = False
     known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=10_000)
-    tolerance: float = option(1e-6, "Change of a state's value below which those before it are left alone.", low=0)
+    tolerance: float = option(
+        1e-6, "Change of a state's value below which those before it are left alone.", low=0
+    )
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """The model of each lane."""

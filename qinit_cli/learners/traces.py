@@ -48,12 +48,13 @@ class SarsaLambda(Learner):
 
     name: ClassVar[str] = "sarsa-lambda"
     weighs: ClassVar[bool] = False
+    waits: ClassVar[bool] = True
     lambda_: float = LAMBDA
     traces: Literal["replacing", "accumulating"] = TRACES
     least: float = LEAST
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
-        """The traces of each lane, and its step that waits for the action after it."""
+        """The traces of each lane."""
         from qinit_cli.kernels.traces import new_sarsa_lambda
 
         return new_sarsa_lambda(

@@ -83,7 +83,11 @@ def probability(seed: int, tasks: int) -> LaneStreams:
 
 def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
     return LaneStreams(
-        **{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)}
+        **{
+            field.name: values[tasks]
+            for field in dataclasses.fields(given)
+            if (values := getattr(given, field.name)) is not None
+        }
     )
 
 
