@@ -14,6 +14,7 @@ from qinit_cli.schedules import ByVisits, Schedule
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
 Start = Literal["anywhere", "fixed"]
+Q_LEARNING, EPSILON_GREEDY = QLearner(), EpsilonGreedy()  # unless another is asked for
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Learning:
     episodes: int
     horizon: int  # steps after which an episode is cut off
     start: Start  # where episodes start: anywhere in the family's states, or at the target start
-    learner: Learner = QLearner()
-    explore: Exploration = EpsilonGreedy()
+    learner: Learner = Q_LEARNING
+    explore: Exploration = EPSILON_GREEDY
 
     def __post_init__(self) -> None:
         for name in ("alpha", "gamma", "epsilon", "episodes", "horizon"):

@@ -285,24 +285,23 @@ def _chosen(
     arrive(setting.learner, memory, lane, state, setting.gamma)
     choice, action = choose(memory, setting.explore, step, lane, state, ended[lane], choosing)
     count_step(setting.explore, memory, lane, state, action)
-    if waiting is not None:
-        if waiting.state[lane] >= 0:
-            _learn_step(
-                memory,
-                lane,
-                task,
-                waiting.state[lane],
-                waiting.action[lane],
-                state,
-                np.int64(action),
-                setting,
-                ended,
-                potential,
-                posterior,
-                visits,
-                td_var,
-            )
-            waiting.state[lane] = -1
+    if waiting is not None and waiting.state[lane] >= 0:
+        _learn_step(
+            memory,
+            lane,
+            task,
+            waiting.state[lane],
+            waiting.action[lane],
+            state,
+            np.int64(action),
+            setting,
+            ended,
+            potential,
+            posterior,
+            visits,
+            td_var,
+        )
+        waiting.state[lane] = -1
     chose(setting.learner, memory, lane, state, action)
     return choice, action
 
@@ -310,10 +309,9 @@ def _chosen(
 @inlined
 def _waits(waiting, lane, state, action, goes_on):
     """True if the step waits for the action after it; notes it."""
-    if waiting is not None:
-        if goes_on:
-            waiting.state[lane], waiting.action[lane] = state, action
-            return True
+    if waiting is not None and goes_on:
+        waiting.state[lane], waiting.action[lane] = state, action
+        return True
     return False
 
 
@@ -409,24 +407,23 @@ def _end(
 @unkept_inlined
 def _learn_last(world, setting, tasks, lanes, lane, recording, hooks, waiting, posterior):
     """Learns from an episode's last step where it waits for an action that does not follow: the episode was cut off."""
-    if waiting is not None:
-        if waiting.state[lane] >= 0:
-            _learn_step(
-                own(lanes.memory, lane),
-                lane,
-                lanes.task[lane],
-                waiting.state[lane],
-                waiting.action[lane],
-                np.int64(entered(world, lanes.state[lane], tasks.q.shape[1])),
-                -1,
-                setting,
-                lanes.ended,
-                hooks.potential,
-                posterior,
-                recording.visits,
-                recording.td_var,
-            )
-            waiting.state[lane] = -1
+    if waiting is not None and waiting.state[lane] >= 0:
+        _learn_step(
+            own(lanes.memory, lane),
+            lane,
+            lanes.task[lane],
+            waiting.state[lane],
+            waiting.action[lane],
+            np.int64(entered(world, lanes.state[lane], tasks.q.shape[1])),
+            -1,
+            setting,
+            lanes.ended,
+            hooks.potential,
+            posterior,
+            recording.visits,
+            recording.td_var,
+        )
+        waiting.state[lane] = -1
 
 
 @unkept_inlined

@@ -5,9 +5,9 @@ Table i is a hypothesis about the target. A step's TD error under it, d = r + ga
 scale where the hypothesis is true, so ln w_i falls by temperature * min(cap, (d^2 - c td_var_i(s, a)) / (td_var_i(s, a) +
 floor^2) - excess): c is 1 for centred evidence, whose mean is 0 where the hypothesis is true, else 0, and then it is at least 0.
 The start M is the mean of the tables under the weights. When these have moved by more than `threshold` since M was last made,
-M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a), or by the product of their 1 - alpha_k: what
-learning with the same targets would hold had it begun at M'. That factor changes only where the agent acts, so a state's row is brought up to date when the agent
-comes to it.
+M becomes M' and Q(s, a) changes by (1 - alpha)^n (M' - M), n the updates of (s, a), or the product of their 1 - alpha_k in place
+of the power: what learning with the same targets would hold had it begun at M'. That factor changes only where the agent acts,
+so a state's row is brought up to date when the agent comes to it.
 """
 
 from __future__ import annotations
@@ -159,8 +159,8 @@ def begin(posterior, tasks, lane, task):
 def weigh(posterior, lane, task, state, action, after, kept):
     """What a step says, after its update: moves the weights and, if they have moved far enough, the version of M.
 
-    `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere; `kept` is
-    1 - alpha of the update.
+    `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere;
+    `kept` is 1 - alpha of the update.
     """
     pair = posterior.actions * np.int64(state) + np.int64(action)
     posterior.left[lane, pair] *= kept

@@ -1,4 +1,7 @@
-"""The registry of learners: one line each, and `--learner` takes it. Those of installed plug-ins (`qinit.learners`) are in it too."""
+"""The registry of learners: one line each, and `--learner` takes it.
+
+Those of installed plug-ins (entry points `qinit.learners`) are in it too.
+"""
 
 from __future__ import annotations
 

@@ -32,8 +32,8 @@ class QLearner(Learner):
 class Sarsa(Learner):
     """Sarsa: Q(s, a) += alpha (r + gamma Q(s', a') - Q(s, a)), a' the action taken in s'.
 
-    a' is chosen before the update. Where the horizon cuts an episode off no action follows, and the exploration's expectation over
-    Q(s', .) takes the place of Q(s', a'). Rummery & Niranjan (1994); Sutton & Barto (2018), section 6.4.
+    a' is chosen before the update. Where the horizon cuts an episode off no action follows, and the exploration's expectation
+    over Q(s', .) takes the place of Q(s', a'). Rummery & Niranjan (1994); Sutton & Barto (2018), section 6.4.
     """
 
     name: ClassVar[str] = "sarsa"
@@ -64,9 +64,9 @@ class ExpectedSarsa(Learner):
 
 @dataclass(frozen=True)
 class DoubleQ(Learner):
-    """Double Q-learning: a fair coin picks which of two tables learns, A(s, a) += alpha (r + gamma B(s', argmax A(s', .)) - A(s, a)).
+    """Double Q-learning: a coin picks the table that learns, A(s, a) += alpha (r + gamma B(s', argmax A(s', .)) - A(s, a)).
 
-    Both begin as the method's start; it acts on their mean, which is what is stored. The first of tied actions is the argmax.
+    A and B begin as the method's start; it acts on their mean, which is what is stored. The first of tied actions is the argmax.
     van Hasselt (2010), algorithm 1.
     """
 

@@ -1,4 +1,4 @@
-"""Learners that are greedy on values which are too large until they know better: MaxQInit was made for them (Abel et al., 2018)."""
+"""Learners that are greedy on optimistic values: MaxQInit was made for them (Abel et al., 2018)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class DelayedQ(Learner):
     """Delayed Q-learning: after m steps from (s, a), Q(s, a) becomes the mean of their r + gamma max_b Q(s', b), plus epsilon1.
 
-    It does if that lowers it by epsilon1 at least; else (s, a) learns no more until some value has changed since. Unknown pairs hold
-    the method's start in place of 1 / (1 - gamma). Strehl et al. (2006), algorithm 1.
+    It does if that lowers it by epsilon1 at least; else (s, a) learns no more until some value has changed since. The method's
+    start takes the place of 1 / (1 - gamma). Strehl et al. (2006), algorithm 1.
     """
 
     name: ClassVar[str] = "delayed-q"
@@ -41,8 +41,8 @@ class DelayedQ(Learner):
 class RMax(Learner):
     """R-Max: plans in the model of the state-actions that it has met `known` times; the others hold the method's start.
 
-    A known Q(s, a) is the mean of r + gamma max_b Q(s', b) over the first `known` steps from it, kept so to `tolerance` by backups
-    of what a change reaches. Brafman & Tennenholtz (2002).
+    A known Q(s, a) is the mean of r + gamma max_b Q(s', b) over the first `known` steps from it; a change of a state's value by
+    more than `tolerance` is handed on to those before it. Brafman & Tennenholtz (2002).
     """
 
     name: ClassVar[str] = "r-max"

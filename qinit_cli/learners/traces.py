@@ -42,8 +42,8 @@ class QLambda(Learner):
 class SarsaLambda(Learner):
     """Sarsa(lambda): every Q(x, b) += alpha delta e(x, b), delta = r + gamma Q(s', a') - Q(s, a), a' the action taken in s'.
 
-    Traces e fall by gamma lambda a step. Where the horizon cuts an episode off, see Sarsa. Rummery & Niranjan (1994); Sutton & Barto
-    (2018), section 12.7. With lambda 0 it is Sarsa.
+    Traces e fall by gamma lambda a step. Where the horizon cuts an episode off, see Sarsa. Rummery & Niranjan (1994);
+    Sutton & Barto (2018), section 12.7. With lambda 0 it is Sarsa.
     """
 
     name: ClassVar[str] = "sarsa-lambda"
