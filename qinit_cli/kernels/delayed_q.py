@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.lane import WORTH, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, put, tally, update
+from qinit_cli.kernels.learner import Batch, begin_task, put_value, tally, update
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
+
+RESTS = -1
 
 
 class Delayed(NamedTuple):
@@ -21,9 +23,8 @@ class Delayed(NamedTuple):
     now: Any  # i8 (L,) steps of the task
     changed: Any  # i8 (L,) the step of the last change of a value; t* in the paper
     summed: Any  # f8 (L, (S + 2) * W) targets; U
-    count: Any  # i8 of them; l
+    count: Any  # i8 of them, l; RESTS where LEARN is false
     attempted: Any  # i8 the step of the last attempt; t(s, a)
-    learns: Any  # b1; LEARN
 
 
 def new_delayed(batch: Batch, m: int, epsilon1: float) -> Delayed:
@@ -37,7 +38,6 @@ def new_delayed(batch: Batch, m: int, epsilon1: float) -> Delayed:
         summed=np.zeros(batch.pairs),
         count=pairs,
         attempted=pairs.copy(),
-        learns=np.ones(batch.pairs, np.bool_),
     )
 
 
@@ -47,7 +47,6 @@ def _begin_task(each, memory, lane, task):
     each.summed[lane, :] = 0.0
     each.count[lane, :] = 0
     each.attempted[lane, :] = 0
-    each.learns[lane, :] = True
 
 
 @body(update, Delayed)
@@ -60,19 +59,20 @@ def _update(
     value = memory.rows[(width + WIDTH) * np.int64(state) + np.int64(action)]
     now = learner.now[lane] + 1
     learner.now[lane] = now
-    if learner.learns[lane, pair]:
-        learner.summed[lane, pair] += target
-        learner.count[lane, pair] += 1
-        if learner.count[lane, pair] == learner.m:
-            mean = learner.summed[lane, pair] / learner.m
+    count = learner.count[lane, pair]
+    if count != RESTS:
+        count += 1
+        summed = learner.summed[lane, pair] + target
+        if count == learner.m:
+            count, mean, summed = 0, summed / learner.m, 0.0
             if value - mean >= 2 * learner.epsilon1:
-                put(memory, state, action, mean + learner.epsilon1, setting.gamma)
+                put_value(memory, state, action, mean + learner.epsilon1, setting.gamma)
                 learner.changed[lane] = now
             elif learner.attempted[lane, pair] >= learner.changed[lane]:
-                learner.learns[lane, pair] = False
-            learner.attempted[lane, pair], learner.count[lane, pair] = now, 0
-            learner.summed[lane, pair] = 0.0
+                count = RESTS
+            learner.attempted[lane, pair] = now
+        learner.summed[lane, pair], learner.count[lane, pair] = summed, count
     elif learner.attempted[lane, pair] < learner.changed[lane]:
-        learner.learns[lane, pair] = True
+        learner.count[lane, pair] = 0
     tally(memory, state, action, target - value, visits, td_var)
     return 0.0

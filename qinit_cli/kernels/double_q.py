@@ -9,21 +9,21 @@ import numpy as np
 
 from qinit_cli.kernels.compiled import inlined
 from qinit_cli.kernels.lane import WORTH, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, put, rate_of, shaped, tally, update
+from qinit_cli.kernels.learner import Batch, begin_task, put_value, rate_of, shaped, tally, update
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.random_streams import draw
 from qinit_cli.kernels.vectors import WIDTH
 
-SIXTY_THREE = np.uint64(63)
+ONE, LAST = np.uint64(1), np.uint64(1 << 63)
 
 
 class Double(NamedTuple):
     """The tables of every lane."""
 
-    tables: Any  # f8 (L, 2 * (S + 2) * W), one after the other
-    updates: Any  # i8, of the same shape: updates of each state-action of each table, where the step size counts them
+    tables: Any  # f8 (L, (S + 2) * 2 * W): of each state the row of the one, then that of the other
     rng: Any  # u8 (B, 4) coins
     words: Any  # u8 (L, 4) of the lane's task
+    coins: Any  # u8 (L,) the lowest bit first, the highest bit that is set being none
 
 
 def new_double(batch: Batch) -> Double:
@@ -32,19 +32,20 @@ def new_double(batch: Batch) -> Double:
         raise ValueError("double-q flips coins, and has no streams of its own")
     lanes, pairs = batch.pairs
     tables = np.zeros((lanes, 2 * pairs))
-    return Double(tables, np.zeros(tables.shape, np.int64), batch.rng.copy(), np.zeros((lanes, 4), np.uint64))
+    words, coins = np.zeros((lanes, 4), np.uint64), np.ones(lanes, np.uint64)
+    return Double(tables, batch.rng.copy(), words, coins)
 
 
 @body(begin_task, Double)
 def _begin_task(each, memory, lane, task):
     width, tables = width_of(memory), each.tables[lane]
-    half = len(tables) // 2
     for word in range(4):
         each.words[lane, word] = each.rng[task, word]
+    each.coins[lane] = ONE
     for state in range(len(memory.ties)):
         for action in range(width):
-            value = memory.rows[(width + WIDTH) * state + action]
-            tables[width * state + action] = tables[half + width * state + action] = value
+            place = 2 * width * state + action
+            tables[place] = tables[place + width] = memory.rows[(width + WIDTH) * state + action]
 
 
 @body(update, Double)
@@ -52,28 +53,37 @@ def _update(
     learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
 ):
     width, tables = width_of(memory), learner.tables[lane]
-    half = len(tables) // 2
-    coin = np.int64(draw(learner.words[lane]) >> SIXTY_THREE)
-    learns, judges = coin * half, (1 - coin) * half
-    pair = width * np.int64(state) + np.int64(action)
+    coin = np.int64(_flipped(learner, lane))
+    first = 2 * width * np.int64(state) + np.int64(action)
+    place = first + coin * width
     target = memory.rows[(width + WIDTH) * np.int64(after) + width + WORTH]
     if np.int64(after) < len(memory.ties) - 2:
-        first = width * np.int64(after)
-        best = _first_best(tables, learns + first, memory.actions)
-        target = setting.gamma * tables[judges + first + best]
-    error = shaped(target, memory, state, after, potential) - tables[learns + pair]
-    alpha = rate_of(setting.rate, lane, learns + pair, episode)
-    tables[learns + pair] += alpha * error
-    put(memory, state, action, (tables[pair] + tables[half + pair]) * 0.5, setting.gamma)
+        row = 2 * width * np.int64(after)
+        best = _first_best(tables, row + coin * width, width)
+        target = setting.gamma * tables[row + (1 - coin) * width + best]
+    error = shaped(target, memory, state, after, potential) - tables[place]
+    alpha = rate_of(setting.rate, lane, place, episode)
+    tables[place] += alpha * error
+    put_value(memory, state, action, (tables[first] + tables[first + width]) * 0.5, setting.gamma)
     tally(memory, state, action, error, visits, td_var)
     return alpha
 
 
 @inlined
-def _first_best(tables, first, actions):
-    """The first of the actions with the largest value from `first` on."""
+def _first_best(tables, first, width):
+    """The first of the actions with the largest value from `first` on; places without an action hold -inf."""
     best, largest = 0, tables[first]
-    for action in range(1, actions):
+    for action in range(1, width):
         value = tables[first + action]
         best, largest = (action, value) if value > largest else (best, largest)
     return best
+
+
+@inlined
+def _flipped(learner, lane):
+    """A coin, 0 or 1; a draw has 63 of them."""
+    coins = learner.coins[lane]
+    if coins == ONE:
+        coins = draw(learner.words[lane]) | LAST
+    learner.coins[lane] = coins >> ONE
+    return coins & ONE

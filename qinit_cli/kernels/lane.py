@@ -20,7 +20,7 @@ from qinit_cli.kernels.choices import ACTIONS, NO_SLIP, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, unkept
 from qinit_cli.kernels.parts import body, part
 from qinit_cli.kernels.random_streams import LOW_12, TWELVE
-from qinit_cli.kernels.vectors import WIDTH, add_to_entry
+from qinit_cli.kernels.vectors import WIDTH, add_to_entry, put_entry
 
 BLOCK = 512  # steps between two looks at the lane: draws are made, and tasks change places, only there
 FEW = 4  # actions whose row is one vector
@@ -246,10 +246,27 @@ def change(memory, row, action, amount):
 @body(change, WideMemory)
 def _change_wide(memory, row, action, amount):
     memory.rows[row + action] += amount
+    return _largest(memory, row), 0
+
+
+@part
+def put(memory, row, action, value):
+    """Sets a row's value: the largest afterwards, and which of them equal it."""
+    return put_entry(memory.rows, row, action, value)
+
+
+@body(put, WideMemory)
+def _put_wide(memory, row, action, value):
+    memory.rows[row + action] = value
+    return _largest(memory, row), 0
+
+
+@inlined
+def _largest(memory, row):
     best = memory.rows[row]
     for place in range(1, memory.actions):
         best = max(best, memory.rows[row + place])
-    return best, 0
+    return best
 
 
 @inner

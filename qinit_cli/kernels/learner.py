@@ -20,7 +20,7 @@ from qinit_cli.kernels.lane import (
     WORTH,
     WORTH_OF_POTENTIAL,
     change,
-    rescan,
+    put,
     width_of,
 )
 from qinit_cli.kernels.parts import body, part
@@ -202,10 +202,12 @@ def tally(memory, state, action, error, visits, td_var):
 
 
 @inlined
-def put(memory, state, action, value, gamma):
+def put_value(memory, state, action, value, gamma):
     """Sets a value; brings its row up to date."""
-    memory.rows[(width_of(memory) + WIDTH) * np.int64(state) + np.int64(action)] = value
-    rescan(memory, np.int64(state), memory.actions, gamma)
+    row = (width_of(memory) + WIDTH) * state
+    best, tied = put(memory, row, action, value)
+    memory.rows[row + width_of(memory) + WORTH] = gamma * best
+    memory.ties[state] = tied
 
 
 @part

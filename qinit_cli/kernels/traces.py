@@ -1,7 +1,8 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Eligibility traces: each lane lists the state-actions that have one.
+"""Eligibility traces: each lane lists the state-actions that have one, in the order in which they were met last.
 
-A step changes the values of all of them, and leaves what hangs on the values of a row to whoever reads the row next.
+A step changes the values of all of them, and leaves what hangs on the values of a row to whoever reads the row next. An entry of
+the list with a trace of 0 counts for nothing: its state-action was met again, or its trace has become too small.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import WORTH, rescan, width_of
+from qinit_cli.kernels.lane import WORTH, change, width_of
 from qinit_cli.kernels.learner import (
     Batch,
     arrive,
@@ -27,8 +28,6 @@ from qinit_cli.kernels.learner import (
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
 
-ABSENT = -1
-
 
 class Watkins(NamedTuple):
     """The traces of every lane, for Watkins' Q(lambda)."""
@@ -36,10 +35,13 @@ class Watkins(NamedTuple):
     decay: float  # gamma * lambda
     accumulating: bool
     least: float
-    count: Any  # i8 (L,) traces
-    place: Any  # i8 (L, most) of their values in the lane's rows
+    first: Any  # i8 (L,) of the list
+    end: Any  # i8 (L,) of the list
+    place: Any  # u4 (L, most) of the values in the lane's rows
     trace: Any  # f8 (L, most)
-    slot: Any  # i4 (L, (S + 2) * (W + 4)) where a value stands in the list; ABSENT if it has none
+    entry: (
+        Any  # i4 (L, (S + 2) * (W + 4)) of each value in the list, where it has one: there stands its place
+    )
 
 
 class SarsaTraces(NamedTuple):
@@ -48,10 +50,11 @@ class SarsaTraces(NamedTuple):
     decay: float
     accumulating: bool
     least: float
-    count: Any
+    first: Any
+    end: Any
     place: Any
     trace: Any
-    slot: Any
+    entry: Any
 
 
 def new_watkins(batch: Batch, decay: float, accumulating: bool, least: float) -> Watkins:
@@ -64,31 +67,34 @@ def new_sarsa_lambda(batch: Batch, decay: float, accumulating: bool, least: floa
     return SarsaTraces(float(decay), accumulating, float(least), *_lists(batch))
 
 
-def _lists(batch: Batch) -> tuple[Any, Any, Any, Any]:
+def _lists(batch: Batch) -> tuple[Any, Any, Any, Any, Any]:
     lanes, pairs = batch.pairs
-    places = pairs + (batch.states + 2) * WIDTH
-    most = batch.states * batch.actions
+    most = 2 * batch.states * batch.actions + 64  # as many again as there can be: it is tidied up that seldom
     return (
         np.zeros(lanes, np.int64),
-        np.zeros((lanes, most), np.int64),
+        np.zeros(lanes, np.int64),
+        np.zeros((lanes, most), np.uint32),
         np.zeros((lanes, most)),
-        np.full((lanes, places), ABSENT, np.int32),
+        np.zeros((lanes, pairs + (batch.states + 2) * WIDTH), np.int32),
     )
 
 
 @body(arrive, Watkins, SarsaTraces)
 def _arrive(learner, memory, lane, state, gamma):
-    rescan(memory, np.int64(state), memory.actions, gamma)
+    row = (width_of(memory) + WIDTH) * np.int64(state)
+    best, tied = change(memory, row, 0, -0.0)  # which changes no value
+    memory.rows[row + width_of(memory) + WORTH] = gamma * best
+    memory.ties[state] = tied
 
 
 @body(begin_task, Watkins, SarsaTraces)
 def _begin_task(each, memory, lane, task):
-    _cut(each, lane)
+    each.first[lane] = each.end[lane] = 0
 
 
 @body(end_learning, Watkins, SarsaTraces)
 def _end_learning(learner, lane):
-    _cut(learner, lane)
+    learner.first[lane] = learner.end[lane] = 0
 
 
 @body(chose, Watkins)
@@ -100,7 +106,7 @@ def _chose(learner, memory, lane, state, action):
     if greedy:
         _decay(learner, lane)
     else:
-        _cut(learner, lane)
+        learner.first[lane] = learner.end[lane] = 0
 
 
 @body(update, Watkins)
@@ -135,48 +141,58 @@ def _learn_towards(
     alpha = rate_of(setting.rate, lane, width * np.int64(state) + np.int64(action), episode)
     _meet(learner, lane, place)
     if error != 0.0:
-        _spread(learner, memory, lane, alpha * error)
+        span = learner.first[lane], learner.end[lane]
+        _spread(memory.rows, learner.place[lane], learner.trace[lane], span, alpha * error)
     tally(memory, state, action, error, visits, td_var)
     return alpha
 
 
 @inlined
 def _meet(learner, lane, place):
-    """Gives a state-action its trace."""
-    slot, traces = np.int64(learner.slot[lane, place]), learner.trace[lane]
-    if slot == ABSENT:
-        slot = learner.count[lane]
-        learner.count[lane] = slot + 1
-        learner.slot[lane, place] = slot
-        learner.place[lane, slot], traces[slot] = place, 0.0
-    traces[slot] = traces[slot] + 1.0 if learner.accumulating else 1.0
+    """Gives a state-action its trace, at the end of the list."""
+    places, traces, old, trace = learner.place[lane], learner.trace[lane], learner.entry[lane, place], 0.0
+    if learner.first[lane] <= old < learner.end[lane] and places[old] == place:
+        trace, traces[old] = traces[old], 0.0
+    if learner.end[lane] == len(places):
+        _tidy(learner, lane)
+    end = learner.end[lane]
+    places[end], traces[end] = place, trace + 1.0 if learner.accumulating else 1.0
+    learner.entry[lane, place] = end
+    learner.end[lane] = end + 1
 
 
 @inner
-def _spread(learner, memory, lane, change):
-    """Adds the change, times its trace, to each value that has one."""
-    places, traces = learner.place[lane], learner.trace[lane]
-    for slot in range(learner.count[lane]):
-        memory.rows[places[slot]] += change * traces[slot]
+def _spread(rows, places, traces, span, amount):
+    """Adds the amount, times its trace, to each value that has one; `span` are the list's first and end."""
+    for entry in range(span[0], span[1]):
+        rows[places[entry]] += amount * traces[entry]
 
 
-@inner
+@inlined
 def _decay(learner, lane):
     """Lets the traces fall, and forgets the small ones."""
-    places, traces, slots = learner.place[lane], learner.trace[lane], learner.slot[lane]
-    kept = 0
-    for slot in range(learner.count[lane]):
-        trace, place = traces[slot] * learner.decay, places[slot]
-        remains = trace >= learner.least
-        places[kept], traces[kept] = place, trace
-        slots[place] = kept if remains else ABSENT
-        kept += remains
-    learner.count[lane] = kept
+    first = _fallen(learner.trace[lane], learner.first[lane], learner.end[lane], learner.decay, learner.least)
+    learner.first[lane] = first
 
 
 @inner
-def _cut(learner, lane):
-    """Forgets all traces."""
-    for slot in range(learner.count[lane]):
-        learner.slot[lane, learner.place[lane, slot]] = ABSENT
-    learner.count[lane] = 0
+def _fallen(traces, first, end, decay, least):
+    """Lets the traces fall; the first of the list that counts."""
+    for entry in range(first, end):
+        trace = traces[entry] * decay
+        traces[entry] = trace if trace >= least else 0.0
+    while first < end and traces[first] == 0.0:
+        first += 1
+    return first
+
+
+@inner
+def _tidy(learner, lane):
+    """Moves the list to the front, without what counts for nothing."""
+    places, traces, kept = learner.place[lane], learner.trace[lane], 0
+    for entry in range(learner.first[lane], learner.end[lane]):
+        if traces[entry] > 0.0:
+            places[kept], traces[kept] = places[entry], traces[entry]
+            learner.entry[lane, places[kept]] = kept
+            kept += 1
+    learner.first[lane], learner.end[lane] = 0, kept

@@ -101,15 +101,35 @@ def add_to_entry(typing: Any, table: Any, row: Any, entry: Any, change: Any) -> 
         nothing = ir.Constant(_ROW, [-0.0] * WIDTH)
         after = builder.fadd(before, builder.select(chosen, _spread(builder, change, _ROW), nothing))
         builder.store(after, place, align=8)
-        best = _larger(builder, _larger(builder, after, [1, 0, 3, 2]), [2, 3, 0, 1])
-        equal = builder.bitcast(builder.fcmp_ordered("==", after, best), ir.IntType(WIDTH))
-        first = builder.extract_element(best, ir.Constant(ir.IntType(32), 0))
-        return context.make_tuple(
-            builder, signature.return_type, [first, builder.zext(equal, ir.IntType(64))]
-        )
+        return _best_and_ties(context, builder, signature, after)
 
     signature = types.Tuple((types.float64, types.uint64))(table, types.intp, types.intp, types.float64)
     return signature, generate
+
+
+@intrinsic
+def put_entry(typing: Any, table: Any, row: Any, entry: Any, value: Any) -> Any:
+    """As add_to_entry, after setting one of the four values; the others are not written."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        row, entry, value = arguments[1:]
+        before = builder.load(_place(context, builder, signature, arguments, _ROW), align=8)
+        order = ir.Constant(_ENTRIES, [0, 1, 2, 3])
+        chosen = builder.icmp_unsigned("==", _spread(builder, entry, _ENTRIES), order)
+        after = builder.select(chosen, _spread(builder, value, _ROW), before)
+        one = [arguments[0], builder.add(row, entry)]
+        builder.store(value, _place(context, builder, signature, one, ir.DoubleType()), align=8)
+        return _best_and_ties(context, builder, signature, after)
+
+    signature = types.Tuple((types.float64, types.uint64))(table, types.intp, types.intp, types.float64)
+    return signature, generate
+
+
+def _best_and_ties(context: Any, builder: Any, signature: Any, row: Any) -> Any:
+    best = _larger(builder, _larger(builder, row, [1, 0, 3, 2]), [2, 3, 0, 1])
+    equal = builder.bitcast(builder.fcmp_ordered("==", row, best), ir.IntType(WIDTH))
+    first = builder.extract_element(best, ir.Constant(ir.IntType(32), 0))
+    return context.make_tuple(builder, signature.return_type, [first, builder.zext(equal, ir.IntType(64))])
 
 
 def _place(context: Any, builder: Any, signature: Any, arguments: Any, vector: Any) -> Any:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 LAMBDA = option(0.9, "Share of a trace that lasts a step, beside gamma.", low=0, high=1)
 TRACES = option("replacing", "A state-action that is met again has a trace of 1, or one more than it had.")
-LEAST = option(0.001, "Trace below which a state-action is forgotten.", above=0, below=1)
+LEAST = option(0.01, "Trace below which a state-action is forgotten.", above=0, below=1)
 
 
 @dataclass(frozen=True)
