@@ -80,16 +80,16 @@ class Counted(NamedTuple):
 
     alphas: Any  # f8 (COUNTED,) of the first updates
     power: float
-    updates: Any  # i8 (L, (S + 2) * W)
+    updates: Any  # i8 (L, (S + 2) * W), or as many for each table of the learner
 
 
 def new_rate(learning: Learning, batch: Batch) -> Constant | Scheduled | Counted:
     """The step size as the loop reads it."""
     alpha = learning.alpha
     if isinstance(alpha, ByVisits):
-        return Counted(
-            np.array(alpha.of_visits(COUNTED)), float(alpha.power), np.zeros(batch.pairs, np.int64)
-        )
+        lanes, pairs = batch.pairs
+        updates = np.zeros((lanes, learning.learner.tables * pairs), np.int64)
+        return Counted(np.array(alpha.of_visits(COUNTED)), float(alpha.power), updates)
     if isinstance(alpha, Schedule):
         return Scheduled(np.array(alpha.values(learning.episodes)))
     return Constant(alpha)

@@ -33,6 +33,7 @@ class Learner:
         True  # whether it needs an exploration; else it is greedy unless one is asked for
     )
     waits: ClassVar[bool] = False  # whether an update waits for the action after its step
+    tables: ClassVar[int] = 1  # whose updates are counted apart
     learns: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

@@ -72,6 +72,7 @@ class DoubleQ(Learner):
 
     name: ClassVar[str] = "double-q"
     weighs: ClassVar[bool] = False  # each table has updates of its own
+    tables: ClassVar[int] = 2
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """Both tables of each lane."""
