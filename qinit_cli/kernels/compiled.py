@@ -36,14 +36,14 @@ INLINED = INNER | {"forceinline": True}
 
 
 @cache
-def cache_folder(module: str = __name__) -> Path | None:
-    """Where machine code of a module's package is kept, made if need be; None if that place cannot be written or trusted.
+def cache_folder(*modules: str) -> Path | None:
+    """Where machine code of these modules' packages is kept, made if need be; None if that place cannot be written or trusted.
 
     Beneath NUMBA_CACHE_DIR if that is set, else beneath the user's cache folder (XDG_CACHE_HOME or ~/.cache). The reason
     for None is printed on stderr, once.
     """
     digest = hashlib.sha256(metadata.version("numba").encode())
-    for file in [*sorted(Path(__file__).parent.glob("*.py")), *_others(module)]:
+    for file in [*sorted(Path(__file__).parent.glob("*.py")), *_others(modules)]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
     try:
         return _made(resolved(_base()) / f"kernels-{digest.hexdigest()[:16]}")
@@ -130,9 +130,9 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _compile(function, INLINED, cache_folder(function.__module__))
 
 
-def kept_with(module: str, function: Callable[..., Any]) -> Any:
-    """As `lean`, kept with the code of that module's package, which the function calls for some of its arguments."""
-    return _compile(function, LEAN, cache_folder(module))
+def kept_with(modules: tuple[str, ...], function: Callable[..., Any]) -> Any:
+    """As `lean`, kept with the code of those modules' packages, which the function calls for some of its arguments."""
+    return _compile(function, LEAN, cache_folder(*modules))
 
 
 def unkept(function: Callable[..., Any]) -> Any:
@@ -254,14 +254,16 @@ def _remove_unused(base: Path) -> None:
                 shutil.rmtree(doomed)
 
 
-def _others(module: str) -> list[Path]:
-    """The files of the package that a module belongs to, none if that is ours."""
-    top = sys.modules[module.partition(".")[0]]
-    if top is sys.modules[__name__.partition(".")[0]]:
-        return []
-    if hasattr(top, "__path__"):
-        return sorted(file for folder in top.__path__ for file in Path(folder).rglob("*.py"))
-    return [Path(top.__file__)] if top.__file__ else []
+def _others(modules: tuple[str, ...]) -> list[Path]:
+    """The files of the packages that the modules belong to, but for ours."""
+    tops = {module.partition(".")[0] for module in modules} - {__name__.partition(".")[0]}
+    files: list[Path] = []
+    for top in (sys.modules[name] for name in sorted(tops)):
+        if hasattr(top, "__path__"):
+            files += sorted(file for folder in top.__path__ for file in Path(folder).rglob("*.py"))
+        elif top.__file__:
+            files.append(Path(top.__file__))
+    return files
 
 
 def _base() -> Path:

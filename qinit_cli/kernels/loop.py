@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Tabular learning, compiled: one loop for every world, learner and exploration, many tasks a call, a few side by side.
 
-The loop is compiled for their classes, with their parts inlined, and kept with the code of the world's package. What a task
+The loop is compiled for their classes, with their parts inlined, and kept with the code of their packages. What a task
 learns depends on its own streams alone, not on its batch.
 """
 
@@ -44,6 +44,7 @@ from qinit_cli.kernels.worlds import (
     start_of,
     step_of,
 )
+from qinit_cli.learners import Learner
 from qinit_cli.learning import Learning
 
 # by a number of eight bits: its lowest that is 1
@@ -72,13 +73,13 @@ class SteppedWorlds:
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, Any]:
         """The compiled loop and the world it takes."""
         world: Any = self.world
-        return compiled_loop(world.__class__), world
+        return compiled_loop(world.__class__, learning.learner.__class__), world
 
 
 @cache
-def compiled_loop(world: Any) -> Function:
-    """`advance` for worlds of that class."""
-    loop: Function = kept_with(world.__module__, advance)
+def compiled_loop(world: type[Any], learner: type[Learner]) -> Function:
+    """`advance` for worlds and learners of these classes."""
+    loop: Function = kept_with((world.__module__, learner.__module__), advance)
     return loop
 
 
