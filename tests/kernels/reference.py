@@ -1,5 +1,5 @@
-"""Q-learning as one would write it down: one task, one step at a time, plain Python. The compiled loops must
-equal it exactly."""
+"""Worlds and learning in them as one would write them down: one task, one step at a time, plain Python. The compiled loops
+must equal it exactly; learner_reference.py has the learners and the explorations."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from learner_reference import EXPLORATIONS, LEARNERS, greedy_actions, picked
 
 from qinit_cli.learning import Learning
 
@@ -169,17 +170,6 @@ def cosine(y: float) -> float:
     return value if turns % 4 in (0, 3) else -value
 
 
-def greedy_actions(values: list[float]) -> list[int]:
-    return [action for action, value in enumerate(values) if value == max(values)]
-
-
-def chosen(draw: int, values: list[float], exploration: int) -> int:
-    """Epsilon-greedy, ties at random, by bits 12 to 31 and 0 to 11 of the draw."""
-    explores = (draw >> 12 & 2**20 - 1) < exploration
-    tied = list(range(len(values))) if explores else greedy_actions(values)
-    return tied[(draw & 4095) * len(tied) >> 12]
-
-
 class Choices:
     """UCB1 over policies (K, S), one choice an episode."""
 
@@ -225,7 +215,6 @@ class Weighed:
     tables: np.ndarray
     td_var: np.ndarray
     gamma: float
-    alpha: float
     temperature: float
     floor: float
     excess: float
@@ -238,7 +227,6 @@ class Weighed:
     def __post_init__(self) -> None:
         self.log_weight = np.zeros(len(self.tables))
         self.mixed = self.weight
-        self.visits = np.zeros(self.tables.shape[1:])
         self.start = self.mean()
         self.history, self.goals, self.moves, self.frozen = [self.weight], 0, 0, -1
 
@@ -255,10 +243,10 @@ class Weighed:
         mean = (weight * terms).sum(axis=0) / np.where(whole > 0, whole, 1)
         return np.where(whole > 0, np.exp(mean) if self.geometric else mean, 0)
 
-    def learn(self, q, state: int, action: int, after: int, reached: bool) -> None:
+    def learn(self, q, left, state: int, action: int, after: int, reached: bool) -> None:
+        """Weighs a step; what is `left` of the start in each value of q follows it."""
         if self.frozen >= 0:
             return
-        self.visits[state, action] += 1
         entering = 1.0 if reached else self.gamma * self.tables[:, after].max(axis=1)
         here = self.tables[:, state, action]
         known = here > 0  # a table that does not know the pair says nothing
@@ -269,7 +257,7 @@ class Weighed:
         if np.abs(self.weight - self.mixed).sum() > self.threshold:
             self.mixed, self.moves, before = self.weight, self.moves + 1, self.start
             self.start = self.mean()
-            change = (1 - self.alpha) ** self.visits * (self.start - before)
+            change = np.array(left) * (self.start - before)
             for row, changes in zip(q, change, strict=True):
                 row[:] = [float(value + more) for value, more in zip(row, changes, strict=True)]
 
@@ -285,13 +273,18 @@ def ended(world) -> bool:
     return getattr(world, "lost", False)
 
 
+def cut_off(world) -> bool:
+    """True if the world can cut an episode off, and has."""
+    return getattr(world, "cut", False)
+
+
 def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
     """Length of a greedy episode from the target start, and whether it reached the goal."""
     world.reset_to_target(draws)
     length, reached = 0, False
-    while not (reached or ended(world)) and length < horizon:
+    while not (reached or ended(world) or cut_off(world)) and length < horizon:
         draw = next(draws)
-        reached = world.step(draw, chosen(draw, q[world.state], 0), draws)
+        reached = world.step(draw, picked(draw, greedy_actions(q[world.state])), draws)
         length += 1
     return length, reached
 
@@ -307,39 +300,39 @@ def learn(
     choices: Choices | None = None,
     explore_while_following: bool = False,
     weighed: Weighed | None = None,
+    coins: Iterator[int] | None = None,
 ) -> Outcome:
-    """One task learned from start to end."""
+    """One task learned from start to end; `coins` are what double Q-learning draws."""
     q = [[float(value) for value in row] for row in table]
-    out = Outcome(q, [[0] * world.actions for _ in q], [[0.0] * world.actions for _ in q])
-    exploration = round(learning.epsilon * 2**20)
+    explore = EXPLORATIONS[learning.explore.name](learning, q)
+    learner = LEARNERS[learning.learner.name](learning, q, potential, explore, coins)
+    out = Outcome(q, learner.visits, learner.td_var)
     for episode in range(learning.episodes + 1):
         if every > 0 and episode % every == 0:
             out.evaluation.append(evaluated(world, q, learning.horizon, evaluation))
         if episode == learning.episodes:
             break
         world.reset()
-        length, reached = 0, False
-        while not (reached or ended(world)) and length < learning.horizon:
+        explore.begin(episode)
+        learner.begin(episode)
+        length, reached, over = 0, False, False
+        while not over:
             draw = next(rng)
             state = world.state
-            action = chosen(draw, q[state], exploration)
-            if choices is not None and choices.follows():
-                explores = (draw >> 12 & 2**20 - 1) < exploration
-                if not (explores and explore_while_following):
-                    action = int(choices.policies[choices.chosen][state])
+            action = explore.action(draw, state)
+            explores = explore_while_following and explore.explores(draw)
+            if choices is not None and choices.follows() and not explores:
+                action = int(choices.policies[choices.chosen][state])
+            learner.chose(state, action)
             reached = world.step(draw, action)
+            explore.took(state, action)
             length += 1
             over = reached or ended(world)
-            target = float(reached) if over else learning.gamma * max(q[world.state])
-            if potential is not None:
-                target += 0.0 if over else learning.gamma * float(potential[world.state])
-                target -= float(potential[state])
-            error = target - q[state][action]
-            q[state][action] += learning.alpha * error
-            out.visits[state][action] += 1
-            out.td_var[state][action] += 0.01 * (error * error - out.td_var[state][action])
+            learner.step(state, action, float(reached), None if over else world.state)
             if weighed is not None:
-                weighed.learn(q, state, action, world.state, reached)
+                weighed.learn(q, learner.left, state, action, world.state, reached)
+            over = over or cut_off(world) or length == learning.horizon
+        learner.end()
         out.steps.append(length)
         out.reached.append(reached)
         if choices is not None:

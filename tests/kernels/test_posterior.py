@@ -105,7 +105,7 @@ def learned_from(
 def weighed_by(hypotheses: Hypotheses, learning: Learning) -> reference.Weighed:
     fields = {field.name: getattr(hypotheses, field.name) for field in dataclasses.fields(hypotheses)}
     tables = fields.pop("q")
-    return reference.Weighed(tables, gamma=learning.gamma, alpha=learning.alpha, **fields)
+    return reference.Weighed(tables, gamma=learning.gamma, **fields)
 
 
 def assert_same(
