@@ -138,5 +138,5 @@ def _number(text: str, whole: str, of: Callable[[str], Any]) -> Any:
     try:
         return of(text)
     except ValueError as error:
-        wanted = "a whole number" if of is int else "a number"
+        wanted = "whole number" if of is int else "number"
         raise ValueError(f"{whole!r}: {text!r} is no {wanted}") from error
