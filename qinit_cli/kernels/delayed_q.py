@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.kernels.lane import WORTH, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, put_value, tally, update
+from qinit_cli.kernels.lane import width_of
+from qinit_cli.kernels.learner import Batch, begin_task, put_value, tally, update, value, worth
 from qinit_cli.kernels.parts import body
-from qinit_cli.kernels.vectors import WIDTH
 
 RESTS = -1
 
@@ -50,23 +49,18 @@ def _begin_task(each, memory, lane, task):
 
 
 @body(update, Delayed)
-def _update(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    width = width_of(memory)
-    pair = width * np.int64(state) + np.int64(action)
-    target = memory.rows[(width + WIDTH) * np.int64(after) + width + WORTH]
-    value = memory.rows[(width + WIDTH) * np.int64(state) + np.int64(action)]
-    now = learner.now[lane] + 1
+def _update(learner, memory, step, setting, hooks, recording):
+    lane, pair = step.lane, width_of(memory) * step.state + step.action
+    target, before = worth(memory, step.after), value(memory, step.state, step.action)
+    now, count = learner.now[lane] + 1, learner.count[lane, pair]
     learner.now[lane] = now
-    count = learner.count[lane, pair]
     if count != RESTS:
         count += 1
         summed = learner.summed[lane, pair] + target
         if count == learner.m:
             count, mean, summed = 0, summed / learner.m, 0.0
-            if value - mean >= 2 * learner.epsilon1:
-                put_value(memory, state, action, mean + learner.epsilon1, setting.gamma)
+            if before - mean >= 2 * learner.epsilon1:
+                put_value(memory, step.state, step.action, mean + learner.epsilon1, setting.gamma)
                 learner.changed[lane] = now
             elif learner.attempted[lane, pair] >= learner.changed[lane]:
                 count = RESTS
@@ -74,5 +68,5 @@ def _update(
         learner.summed[lane, pair], learner.count[lane, pair] = summed, count
     elif learner.attempted[lane, pair] < learner.changed[lane]:
         learner.count[lane, pair] = 0
-    tally(memory, state, action, target - value, visits, td_var)
+    tally(memory, step, target - before, recording)
     return 0.0

@@ -8,8 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined
-from qinit_cli.kernels.lane import WORTH, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, put_value, rate_of, shaped, tally, update
+from qinit_cli.kernels.lane import width_of
+from qinit_cli.kernels.learner import (
+    Batch,
+    begin_task,
+    is_state,
+    put_value,
+    rate_of,
+    shaped,
+    tally,
+    update,
+    worth,
+)
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.random_streams import draw
 from qinit_cli.kernels.vectors import WIDTH
@@ -49,23 +59,20 @@ def _begin_task(each, memory, lane, task):
 
 
 @body(update, Double)
-def _update(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    width, tables = width_of(memory), learner.tables[lane]
-    coin = np.int64(_flipped(learner, lane))
-    first = 2 * width * np.int64(state) + np.int64(action)
-    place = first + coin * width
-    target = memory.rows[(width + WIDTH) * np.int64(after) + width + WORTH]
-    if np.int64(after) < len(memory.ties) - 2:
-        row = 2 * width * np.int64(after)
+def _update(learner, memory, step, setting, hooks, recording):
+    width, tables = width_of(memory), learner.tables[step.lane]
+    coin = np.int64(_flipped(learner, step.lane))
+    first = 2 * width * step.state + step.action
+    place, target = first + coin * width, worth(memory, step.after)
+    if is_state(memory, step.after):
+        row = 2 * width * step.after
         best = _first_best(tables, row + coin * width, width)
         target = setting.gamma * tables[row + (1 - coin) * width + best]
-    error = shaped(target, memory, state, after, potential) - tables[place]
-    alpha = rate_of(setting.rate, lane, place, episode)
+    error = shaped(target, memory, step, hooks) - tables[place]
+    alpha = rate_of(setting.rate, step.lane, place, step.episode)
     tables[place] += alpha * error
-    put_value(memory, state, action, (tables[first] + tables[first + width]) * 0.5, setting.gamma)
-    tally(memory, state, action, error, visits, td_var)
+    put_value(memory, step.state, step.action, (tables[first] + tables[first + width]) * 0.5, setting.gamma)
+    tally(memory, step, error, recording)
     return alpha
 
 

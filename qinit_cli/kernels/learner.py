@@ -113,92 +113,107 @@ def _rate_of_update(rate, lane, pair, episode):
     return rate.alphas[count - 1] if count <= len(rate.alphas) else 1.0 / math.pow(count, rate.power)
 
 
-@part
-def update(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    """Learns from a step to the row `after`; brings the row of `state` and what is recorded of it up to date.
+class Step(NamedTuple):
+    """A step that is learned from."""
 
-    `following` is the action after it where the learner waits for that, -1 if none follows. Returns the step size.
-    """
-    target = memory.rows[(width_of(memory) + WIDTH) * after + width_of(memory) + WORTH]
-    return _learn_towards(
-        target, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-    )
+    lane: int
+    state: int
+    action: int
+    after: int  # the row it led to: a state, or S for the goal, S + 1 for being lost
+    following: int  # the action after it where the learner waits for that; -1: none follows
+    episode: int
+
+
+@part
+def update(learner, memory, step, setting, hooks, recording):
+    """Learns from a step; brings the row of its state and what is recorded of it up to date. Returns the step size."""
+    return learn_towards(worth(memory, step.after), memory, step, setting, hooks, recording)
 
 
 @body(update, OnPolicy)
-def _update_on_policy(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    target = on_policy_target(memory, lane, after, following, setting, episode)
-    return _learn_towards(
-        target, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-    )
+def _update_on_policy(learner, memory, step, setting, hooks, recording):
+    return learn_towards(on_policy(memory, step, setting), memory, step, setting, hooks, recording)
 
 
 @body(update, Expected)
-def _update_expected(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    target = on_policy_target(memory, lane, after, -1, setting, episode)
-    return _learn_towards(
-        target, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-    )
+def _update_expected(learner, memory, step, setting, hooks, recording):
+    return learn_towards(expected(memory, step, setting), memory, step, setting, hooks, recording)
 
 
 @body(update, Nothing)
-def _update_nothing(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
+def _update_nothing(learner, memory, step, setting, hooks, recording):
     return 0.0
 
 
 @inlined
-def on_policy_target(memory, lane, after, following, setting, episode):
-    """gamma times the value of the following action, or their mean under the exploration; what an end is worth."""
-    row = (width_of(memory) + WIDTH) * np.int64(after)
-    if np.int64(after) >= len(memory.ties) - 2:
-        return memory.rows[row + width_of(memory) + WORTH]
-    if following >= 0:
-        return setting.gamma * memory.rows[row + following]
-    return setting.gamma * expectation(setting.explore, memory, lane, after, episode)
+def value(memory, state, action):
+    """Q of a state-action."""
+    return memory.rows[(width_of(memory) + WIDTH) * state + action]
 
 
 @inlined
-def _learn_towards(target, memory, lane, state, action, after, setting, episode, potential, visits, td_var):
+def worth(memory, after):
+    """What entering a row is worth: gamma max Q of a state, 1 for the goal, 0 for being lost."""
+    return memory.rows[(width_of(memory) + WIDTH) * after + width_of(memory) + WORTH]
+
+
+@inlined
+def is_state(memory, after):
+    """True if the row is a state's, False if an end's."""
+    return after < len(memory.ties) - 2
+
+
+@inlined
+def expected(memory, step, setting):
+    """gamma times the mean of the values that follow under the exploration; what an end is worth."""
+    if not is_state(memory, step.after):
+        return worth(memory, step.after)
+    return setting.gamma * expectation(setting.explore, memory, step.lane, step.after, step.episode)
+
+
+@inlined
+def on_policy(memory, step, setting):
+    """gamma times the value of the following action; where none follows, what is expected."""
+    if is_state(memory, step.after) and step.following >= 0:
+        return setting.gamma * value(memory, step.after, step.following)
+    return expected(memory, step, setting)
+
+
+@inlined
+def learn_towards(target, memory, step, setting, hooks, recording):
+    """Moves the value of a step's state-action towards the target. Returns the step size."""
     width = width_of(memory)
-    row = (width + WIDTH) * state
-    error = shaped(target, memory, state, after, potential) - memory.rows[row + action]
-    alpha = rate_of(setting.rate, lane, width * state + action, episode)
-    best, tied = change(memory, row, action, alpha * error)
+    error = shaped(target, memory, step, hooks) - value(memory, step.state, step.action)
+    alpha = rate_of(setting.rate, step.lane, width * step.state + step.action, step.episode)
+    row = (width + WIDTH) * step.state
+    best, tied = change(memory, row, step.action, alpha * error)
     memory.rows[row + width + WORTH] = setting.gamma * best
-    memory.ties[state] = tied
-    tally(memory, state, action, error, visits, td_var)
+    memory.ties[step.state] = tied
+    tally(memory, step, error, recording)
     return alpha
 
 
 @inlined
-def shaped(target, memory, state, after, potential):
+def shaped(target, memory, step, hooks):
     """The target with the change of the potential, where there is one."""
-    if potential is None:
+    if hooks.potential is None:
         return target
     width = width_of(memory)
-    entered, left = (width + WIDTH) * after + width, (width + WIDTH) * state + width
+    entered, left = (width + WIDTH) * step.after + width, (width + WIDTH) * step.state + width
     # that of an end is 0, else shaping would change which policy is best (Ng et al., 1999)
     return target + memory.rows[entered + WORTH_OF_POTENTIAL] - memory.rows[left + POTENTIAL]
 
 
 @inlined
-def tally(memory, state, action, error, visits, td_var):
+def tally(memory, step, error, recording):
     """Counts an update and its squared error, where they are recorded."""
     width = width_of(memory)
-    if visits is not None:
-        memory.visits[2 * width * state + action] += 1
-    if td_var is not None:
-        place = 2 * width * state + width + action
-        spread = memory.td_var[place]
-        memory.td_var[place] = spread + TD_VAR_RATE * (error * error - spread)
+    first = 2 * width * step.state + step.action
+    if recording.visits is not None:
+        memory.visits[first] += 1
+    if recording.td_var is not None:
+        spread = memory.td_var[first + width]
+        memory.td_var[first + width] = spread + TD_VAR_RATE * (error * error - spread)
 
 
 @inlined

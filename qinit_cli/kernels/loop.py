@@ -27,7 +27,7 @@ from qinit_cli.kernels.lane import (
     own,
     take,
 )
-from qinit_cli.kernels.learner import arrive, begin_task, chose, end_learning, update
+from qinit_cli.kernels.learner import Step, arrive, begin_task, chose, end_learning, is_state, update
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.policies import begin, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
@@ -168,11 +168,10 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
                     setting,
                     lanes.ended,
                     lanes.waiting,
-                    hooks.potential,
+                    hooks,
                     hooks.choosing,
                     posterior,
-                    recording.visits,
-                    recording.td_var,
+                    recording,
                 )
             ended = move(world, first, step, action, states, after)
         for place in range(count):
@@ -189,11 +188,10 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
                     setting,
                     lanes.ended,
                     lanes.waiting,
-                    hooks.potential,
+                    hooks,
                     hooks.choosing,
                     posterior,
-                    recording.visits,
-                    recording.td_var,
+                    recording,
                 )
                 there = place_of(
                     world,
@@ -224,10 +222,9 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
                 -1,
                 setting,
                 lanes.ended,
-                hooks.potential,
+                hooks,
                 posterior,
-                recording.visits,
-                recording.td_var,
+                recording,
             )
         if ended or step == cut_off:
             over = 0  # a bit for each lane whose episode is; a branch for each would often be guessed wrong
@@ -274,11 +271,10 @@ def _chosen(
     setting,
     ended,
     waiting,
-    potential,
+    hooks,
     choosing,
     posterior,
-    visits,
-    td_var,
+    recording,
 ):
     """What a lane's step does: its choice, and the action that follows from it, for which the step before may have waited."""
     if posterior is not None and posterior.live[lane]:
@@ -297,10 +293,9 @@ def _chosen(
             np.int64(action),
             setting,
             ended,
-            potential,
+            hooks,
             posterior,
-            visits,
-            td_var,
+            recording,
         )
         waiting.state[lane] = -1
     chose(setting.learner, memory, lane, state, action)
@@ -318,37 +313,14 @@ def _waits(waiting, lane, state, action, goes_on):
 
 @inlined
 def _learn_step(
-    memory,
-    lane,
-    task,
-    state,
-    action,
-    after,
-    following,
-    setting,
-    ended,
-    potential,
-    posterior,
-    visits,
-    td_var,
+    memory, lane, task, state, action, after, following, setting, ended, hooks, posterior, recording
 ):
     """Learns from a step, and lets it move the weights of hypotheses."""
-    if np.int64(after) < len(memory.ties) - 2:
+    after = np.int64(after)
+    if is_state(memory, after):
         arrive(setting.learner, memory, lane, after, setting.gamma)
-    alpha = update(
-        setting.learner,
-        memory,
-        lane,
-        state,
-        action,
-        after,
-        following,
-        setting,
-        ended[lane],
-        potential,
-        visits,
-        td_var,
-    )
+    step = Step(lane, np.int64(state), np.int64(action), after, following, ended[lane])
+    alpha = update(setting.learner, memory, step, setting, hooks, recording)
     if posterior is not None and posterior.live[lane]:
         weigh(posterior, lane, task, state, action, after, 1.0 - alpha)
 
@@ -419,10 +391,9 @@ def _learn_last(world, setting, tasks, lanes, lane, recording, hooks, waiting, p
             -1,
             setting,
             lanes.ended,
-            hooks.potential,
+            hooks,
             posterior,
-            recording.visits,
-            recording.td_var,
+            recording,
         )
         waiting.state[lane] = -1
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import WORTH, rescan, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, tally, update
+from qinit_cli.kernels.lane import rescan, width_of
+from qinit_cli.kernels.learner import Batch, begin_task, tally, update, value, worth
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
 
@@ -57,23 +57,18 @@ def _begin_task(each, memory, lane, task):
 
 
 @body(update, Model)
-def _update(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    width = width_of(memory)
-    pair = width * np.int64(state) + np.int64(action)
-    target = memory.rows[(width + WIDTH) * np.int64(after) + width + WORTH]
-    error = target - memory.rows[(width + WIDTH) * np.int64(state) + np.int64(action)]
-    tally(memory, state, action, error, visits, td_var)
+def _update(learner, memory, step, setting, hooks, recording):
+    lane, pair = step.lane, width_of(memory) * step.state + step.action
+    tally(memory, step, worth(memory, step.after) - value(memory, step.state, step.action), recording)
     count = learner.count[lane, pair]
     if count < learner.known:
         kept = learner.known * pair + count
-        learner.led_to[lane, kept] = after
-        learner.before[lane, kept] = learner.latest[lane, after]
-        learner.latest[lane, after] = kept
+        learner.led_to[lane, kept] = step.after
+        learner.before[lane, kept] = learner.latest[lane, step.after]
+        learner.latest[lane, step.after] = kept
         learner.count[lane, pair] = count + 1
         if count + 1 == learner.known:
-            _plan(learner, memory, lane, np.int64(state), setting.gamma)
+            _plan(learner, memory, lane, step.state, setting.gamma)
     return 0.0
 
 
@@ -113,7 +108,7 @@ def _back_up(learner, memory, lane, state, gamma):
         if learner.count[lane, pair] == learner.known:
             summed, kept = 0.0, learner.known * pair
             for step in range(kept, kept + learner.known):
-                summed += memory.rows[(width + WIDTH) * np.int64(led_to[step]) + width + WORTH]
+                summed += worth(memory, np.int64(led_to[step]))
             memory.rows[row + action] = summed / learner.known
     rescan(memory, state, memory.actions, gamma)
     return _largest(memory, row) - largest

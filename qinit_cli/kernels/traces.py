@@ -19,11 +19,13 @@ from qinit_cli.kernels.learner import (
     begin_task,
     chose,
     end_learning,
-    on_policy_target,
+    on_policy,
     rate_of,
     shaped,
     tally,
     update,
+    value,
+    worth,
 )
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
@@ -110,40 +112,28 @@ def _chose(learner, memory, lane, state, action):
 
 
 @body(update, Watkins)
-def _update_watkins(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    target = memory.rows[(width_of(memory) + WIDTH) * np.int64(after) + width_of(memory) + WORTH]
-    return _learn_towards(
-        target, learner, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-    )
+def _update_watkins(learner, memory, step, setting, hooks, recording):
+    return _learn_towards(worth(memory, step.after), learner, memory, step, setting, hooks, recording)
 
 
 @body(update, SarsaTraces)
-def _update_sarsa(
-    learner, memory, lane, state, action, after, following, setting, episode, potential, visits, td_var
-):
-    target = on_policy_target(memory, lane, after, following, setting, episode)
-    alpha = _learn_towards(
-        target, learner, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-    )
-    _decay(learner, lane)
+def _update_sarsa(learner, memory, step, setting, hooks, recording):
+    target = on_policy(memory, step, setting)
+    alpha = _learn_towards(target, learner, memory, step, setting, hooks, recording)
+    _decay(learner, step.lane)
     return alpha
 
 
 @inlined
-def _learn_towards(
-    target, learner, memory, lane, state, action, after, setting, episode, potential, visits, td_var
-):
-    width = width_of(memory)
-    place = (width + WIDTH) * np.int64(state) + np.int64(action)
-    error = shaped(target, memory, state, after, potential) - memory.rows[place]
-    alpha = rate_of(setting.rate, lane, width * np.int64(state) + np.int64(action), episode)
-    _meet(learner, lane, place)
+def _learn_towards(target, learner, memory, step, setting, hooks, recording):
+    width, lane = width_of(memory), step.lane
+    error = shaped(target, memory, step, hooks) - value(memory, step.state, step.action)
+    alpha = rate_of(setting.rate, lane, width * step.state + step.action, step.episode)
+    _meet(learner, lane, (width + WIDTH) * step.state + step.action)
     if error != 0.0:
         span = learner.first[lane], learner.end[lane]
         _spread(memory.rows, learner.place[lane], learner.trace[lane], span, alpha * error)
-    tally(memory, state, action, error, visits, td_var)
+    tally(memory, step, error, recording)
     return alpha
 
 
