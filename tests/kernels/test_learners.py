@@ -12,7 +12,7 @@ import test_loop
 
 from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.kernels import random_streams as rng
-from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, learn
+from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.python_steps import PythonWorlds
@@ -29,7 +29,6 @@ ALL = Records(
     EPISODES, visits=True, td_var=True, evaluate_every=EVERY
 )  # one set of records: few loops are compiled
 USUAL = Learning(alpha=0.1, gamma=0.95, epsilon=0.3, episodes=EPISODES, horizon=25, start="anywhere")
-GREEDY = replace(USUAL, epsilon=0.0)
 VISITS, FALLING, RISING = ByVisits(0.7), Exponential(1.0, 0.9, 0.05), Linear(0.05, 0.4, 30)
 
 
@@ -189,39 +188,36 @@ def assert_plain(
     return outcomes
 
 
+# A loop is compiled for each pair of a world and a learner, exploration, kind of step size and of epsilon, shaped or not: one of
+# each part with narrow rows and with wide ones, not their product. test_convergence.py has the loops without shaping, too.
 CASES: list[tuple[Any, bool, dict[str, Any]]] = [
-    (GRIDS, True, {"learner": QLearner(), "alpha": VISITS, "epsilon": FALLING}),
     (GRIDS, True, {"learner": Sarsa(), "explore": Boltzmann(0.1), "alpha": RISING}),
     (GRIDS, False, {"learner": ExpectedSarsa(), "explore": Ucb(0.2)}),
-    (GRIDS, True, {"learner": DoubleQ()}),
+    (GRIDS, True, {"learner": DoubleQ(), "alpha": VISITS}),
     (GRIDS, True, {"learner": QLambda(0.8)}),
     (GRIDS, True, {"learner": QLambda(0.95, "accumulating", 0.01)}),
-    (GRIDS, True, {"learner": SarsaLambda(0.8)}),
-    (GRIDS, True, {"learner": SarsaLambda(0.95, "accumulating", 0.01)}),
+    (GRIDS, True, {"learner": SarsaLambda(0.8), "epsilon": Linear(0.5, 0.0, 30)}),
+    (GRIDS, True, {"learner": SarsaLambda(0.95, "accumulating", 0.01), "epsilon": FALLING}),
     (GRIDS, False, {"learner": DelayedQ(2, 0.01), "epsilon": 0.0}),
     (GRIDS, False, {"learner": RMax(2), "epsilon": 0.0}),
+    (GRIDS, False, {"learner": Still()}),
     (TABLES, False, {"learner": QLearner(), "alpha": VISITS, "epsilon": FALLING}),
     (TABLES, False, {"learner": DoubleQ(), "alpha": VISITS, "epsilon": FALLING}),
     (TABLES, False, {"learner": Sarsa(), "alpha": VISITS, "epsilon": FALLING}),
     (TABLES, False, {"learner": ExpectedSarsa(), "alpha": VISITS, "epsilon": FALLING}),
-    (TABLES, True, {"learner": Sarsa(), "explore": Ucb(0.2), "alpha": Exponential(0.5, 0.95, 0.1)}),
     (TABLES, True, {"learner": ExpectedSarsa(), "explore": Boltzmann(0.1)}),
-    (TABLES, False, {"learner": QLambda(0.8), "epsilon": 0.1}),
-    (TABLES, False, {"learner": SarsaLambda(0.8), "epsilon": 0.1}),
+    (TABLES, False, {"learner": QLambda(0.8), "alpha": Exponential(0.5, 0.95, 0.1)}),
     (TABLES, False, {"learner": DelayedQ(2, 0.01), "epsilon": 0.0}),
     (TABLES, False, {"learner": RMax(2), "epsilon": 0.0}),
-    (TABLES, False, {"learner": Still()}),
-    (CARS, False, {"learner": Sarsa(), "horizon": 120}),
-    (CARS, False, {"learner": QLambda(0.9), "horizon": 120}),
+    (CARS, False, {"learner": SarsaLambda(0.9), "horizon": 120}),
     (CORRIDORS, False, {"learner": Sarsa(), "start": "fixed"}),
-    (CORRIDORS, False, {"learner": SarsaLambda(), "start": "fixed"}),
 ]
 
 
 def named(case: Any) -> str | None:
     if isinstance(case, dict):
         return "-".join(str(value).replace(":", " ") for value in case.values())
-    return None if isinstance(case, bool) else type(case).__name__
+    return "" if isinstance(case, bool) else type(case).__name__
 
 
 @pytest.mark.parametrize(("family", "shaped", "settings"), CASES, ids=named)
@@ -232,3 +228,46 @@ def test_a_compiled_learner_equals_the_plain_one_to_the_last_bit(
     outcomes = assert_plain(family, replace(USUAL, **settings), start)
     assert any(any(outcome.reached) for outcome in outcomes)
     assert not all(all(outcome.reached) for outcome in outcomes)
+
+
+@pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
+def test_policies_are_followed_and_their_actions_learned_from_by_sarsa_and_counted_by_ucb(
+    exploring: bool,
+) -> None:
+    policies = np.random.default_rng(3).integers(0, TABLES.actions, (5, TABLES.states))
+    rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
+    start = Start(table_of(TABLES), None, Policies(policies, **rules, explore_while_following=exploring))
+    assert_plain(TABLES, replace(USUAL, learner=Sarsa(), explore=Ucb(0.2)), start, rules)
+
+
+@pytest.mark.parametrize(
+    ("traces", "one_step", "epsilon"),
+    [
+        (QLambda(0.0), QLearner(), 0.3),
+        (QLambda(0.0, "accumulating"), QLearner(), 0.3),
+        (SarsaLambda(0.0), Sarsa(), FALLING),
+        (SarsaLambda(0.0, "accumulating"), Sarsa(), FALLING),
+    ],
+    ids=str,
+)
+def test_with_lambda_zero_a_learner_with_traces_is_the_one_of_one_step(
+    traces: Any, one_step: Any, epsilon: Any
+) -> None:
+    start, learning = Start(table_of(GRIDS), potential_of(GRIDS)), replace(USUAL, epsilon=epsilon)
+    learned = learned_by(GRIDS, replace(learning, learner=traces), start)
+    for task in range(GRIDS.tasks):
+        assert_same(learned, task, plainly_learned(GRIDS, replace(learning, learner=one_step), start, task))
+
+
+def test_a_task_without_an_end_leaves_nothing_to_the_next_in_its_lane() -> None:
+    """Episodes of one step, each cut off: what Sarsa's last one waits for never comes."""
+    learning = replace(USUAL, learner=Sarsa(), alpha=VISITS, epsilon=FALLING, horizon=1)
+    whole = learned_by(TABLES, learning, Start(table_of(TABLES)), lanes=1)
+    np.testing.assert_array_equal(whole.visits.sum(axis=(1, 2)), EPISODES)
+
+
+def test_double_q_learning_without_coins_is_refused() -> None:
+    bare = replace(streams(TABLES.tasks), learner=None)
+    learning = replace(USUAL, learner=DoubleQ())
+    with pytest.raises(ValueError, match="no streams of its own"):
+        learn(TABLES.worlds(), learning, Start(table_of(TABLES)), bare, ALL, Watch())
