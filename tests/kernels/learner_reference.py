@@ -32,6 +32,13 @@ def picked(draw: int, tied: list[int]) -> int:
     return tied[(draw & 4095) * len(tied) >> 12]
 
 
+def flipped(draws: Iterator[int]) -> Iterator[int]:
+    """Coins: 63 of each draw, its lowest bit first."""
+    for draw in draws:
+        for bit in range(63):
+            yield draw >> bit & 1
+
+
 def of_episode(value: float | Schedule, episodes: int, episode: int) -> float:
     return value.values(episodes)[episode] if isinstance(value, Schedule) else value
 
@@ -236,7 +243,7 @@ class DoubleQ(Learner):
         self.updates = [[[0] * len(row) for row in self.q] for _ in range(2)]
 
     def step(self, state: int, action: int, reward: float, after: int | None) -> None:
-        coin = next(self.coins) >> 63
+        coin = next(self.coins)
         own, other, updates = self.tables[coin], self.tables[1 - coin], self.updates[coin][state]
         future = 0.0 if after is None else other[after][greedy_actions(own[after])[0]]
         error = self.target(state, reward, after, future) - own[state][action]

@@ -302,7 +302,7 @@ def learn(
     weighed: Weighed | None = None,
     coins: Iterator[int] | None = None,
 ) -> Outcome:
-    """One task learned from start to end; `coins` are what double Q-learning draws."""
+    """One task learned from start to end; `coins` (0 or 1) are those of double Q-learning."""
     q = [[float(value) for value in row] for row in table]
     explore = EXPLORATIONS[learning.explore.name](learning, q)
     learner = LEARNERS[learning.learner.name](learning, q, potential, explore, coins)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learner_reference import EXPLORATIONS, LEARNERS, Learner
+import reference
+from learner_reference import EXPLORATIONS, LEARNERS, Learner, flipped
 
 from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.learners import LEARNERS as OURS
@@ -23,7 +24,6 @@ Steps = Iterable[
 ]  # state, action, reward, the state after; None: the episode ended
 CHAIN = [(0, 0, 0.0, 1), (1, 0, 0.0, 2), (2, 0, 1.0, None)]
 HALF_UNLIKE = [[0.0, 0.0], [0.25, 1.0]]  # what acts in state 1 matters
-OTHER_SIDE = 2**63  # a coin that shows 1
 
 
 def zeros(states: int = 3, actions: int = 2) -> list[list[float]]:
@@ -97,7 +97,7 @@ def test_sarsa_takes_the_following_value_as_it_is_when_the_action_is_chosen() ->
 
 
 def test_double_q_learning_judges_one_tables_action_by_the_other() -> None:
-    learner = made(DoubleQ(), [[0.0, 0.0], [0.5, 0.25]], coins=iter([0, OTHER_SIDE, 0, 0, OTHER_SIDE]))
+    learner = made(DoubleQ(), [[0.0, 0.0], [0.5, 0.25]], coins=iter([0, 1, 0, 0, 1]))
     walk(learner, [(0, 0, 0.0, 1)])
     assert learner.q[0][0] == 0.5 * 0.125  # A: 0.5 (0.5 B(1, 0)); B as it was
     walk(learner, [(1, 0, 1.0, None)])
@@ -109,6 +109,11 @@ def test_double_q_learning_judges_one_tables_action_by_the_other() -> None:
     walk(learner, [(0, 0, 0.0, 1)])  # B would take action 0, which A holds for 0.5
     assert learner.tables[1][0][0] == 0.5 * (0.5 * 0.5)
     assert learner.visits[0][0] == 3
+
+
+def test_a_draw_is_63_coins_its_lowest_bit_first() -> None:
+    coins = flipped(iter([1 << 63 | 6, 1]))
+    assert [next(coins) for _ in range(65)] == [0, 1, 1, *[0] * 60, 1, 0]
 
 
 @pytest.mark.parametrize("kind", [QLambda, SarsaLambda])
@@ -205,6 +210,39 @@ def test_a_linear_step_size_is_that_of_its_episode() -> None:
     for episode in range(3):
         walk(learner, [(episode, 0, 1.0, None)], episode)
     assert [row[0] for row in learner.q] == [1.0, 0.75, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "settings"),
+    [
+        (QLambda(0.0), QLearner(), {}),
+        (QLambda(0.0, "accumulating"), QLearner(), {}),
+        (SarsaLambda(0.0), Sarsa(), {}),
+        (SarsaLambda(0.0, "accumulating"), Sarsa(), {}),
+        (ExpectedSarsa(), QLearner(), {"epsilon": 0.0}),  # never exploring
+    ],
+    ids=[
+        "q-lambda",
+        "q-lambda, accumulating",
+        "sarsa-lambda",
+        "sarsa-lambda, accumulating",
+        "expected-sarsa",
+    ],
+)
+def test_some_learners_are_others_where_a_setting_is_zero(
+    one: Any, other: Any, settings: dict[str, Any]
+) -> None:
+    def learned(learner: Any) -> reference.Outcome:
+        words = np.random.SeedSequence(5).generate_state(36, np.uint64)
+        usual: dict[str, Any] = {"alpha": 0.1, "gamma": 0.9, "epsilon": 0.3, "episodes": 60, "horizon": 20}
+        learning = Learning(**{**usual, "start": "anywhere", "learner": learner, **settings})
+        world = reference.Gridworld(4, 15, 0.8, None, reference.xoshiro(words[32:]))
+        return reference.learn(
+            world, learning, np.zeros((16, 4)), reference.in_lanes(words[:32].reshape(4, 8))
+        )
+
+    assert learned(one) == learned(other)
+    assert any(learned(one).reached)
 
 
 def test_boltzmann_takes_actions_by_their_weight() -> None:

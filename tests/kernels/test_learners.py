@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import reference
 import test_loop
+from learner_reference import flipped
 
 from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.kernels import random_streams as rng
@@ -165,7 +166,7 @@ def plainly_learned(
         reference.xoshiro(given.evaluation[task]),
         choosing,
         explore_while_following=choices is not None and start.policies.explore_while_following,
-        coins=reference.xoshiro(given.learner[task]),
+        coins=flipped(reference.xoshiro(given.learner[task])),
     )
 
 
@@ -262,7 +263,7 @@ def test_with_lambda_zero_a_learner_with_traces_is_the_one_of_one_step(
 def test_a_task_without_an_end_leaves_nothing_to_the_next_in_its_lane() -> None:
     """Episodes of one step, each cut off: what Sarsa's last one waits for never comes."""
     learning = replace(USUAL, learner=Sarsa(), alpha=VISITS, epsilon=FALLING, horizon=1)
-    whole = learned_by(TABLES, learning, Start(table_of(TABLES)), lanes=1)
+    whole = learned_by(TABLES, learning, Start(table_of(TABLES)))
     np.testing.assert_array_equal(whole.visits.sum(axis=(1, 2)), EPISODES)
 
 
