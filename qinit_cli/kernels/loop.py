@@ -93,7 +93,18 @@ def advance(blocks, world, setting, tasks, lanes, recording, hooks):
         count = 0
         for lane in range(len(lanes.task)):
             if is_idle(tasks, lanes, lane):
-                _take(world, setting, tasks, lanes, lane, recording, hooks, hooks.choosing, hooks.posterior)
+                _take(
+                    world,
+                    setting,
+                    tasks,
+                    lanes,
+                    lane,
+                    recording,
+                    hooks,
+                    hooks.choosing,
+                    hooks.posterior,
+                    lanes.waiting,
+                )
             if in_use(tasks, lanes, lane):
                 _prepare(world, setting, tasks, lanes, lane)
                 count += 1
@@ -335,7 +346,7 @@ def _cut_off(time, horizon):
 
 
 @unkept
-def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, posterior):
+def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, posterior, waiting):
     """Puts the next task into the lane, and itself where its first episode starts."""
     take(tasks, lanes, lane, setting.gamma, hooks.potential, recording.visits, recording.td_var)
     task = lanes.task[lane]
@@ -348,6 +359,10 @@ def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, poster
     begin_task(setting.learner, memory, lane, task)
     begin_task(setting.rate, memory, lane, task)
     begin_task(setting.explore, memory, lane, task)
+    if waiting is not None:
+        waiting.state[
+            lane
+        ] = -1  # what was learned for nothing in the rest of a block waits for no action of this task
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
 
 
