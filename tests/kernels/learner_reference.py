@@ -148,6 +148,7 @@ class Learner:
         self.visits = [[0] * len(row) for row in q]
         self.td_var = [[0.0] * len(row) for row in q]
         self.left = [[1.0] * len(row) for row in q]  # the share of its start in a value
+        self.weighed: Any = None  # hypotheses that an update's step is weighed by
 
     def begin(self, episode: int) -> None:
         """A new episode."""
@@ -184,18 +185,21 @@ class Learner:
         self.visits[state][action] += 1
         self.td_var[state][action] += 0.01 * (error * error - self.td_var[state][action])
 
-    def update(self, state: int, action: int, target: float) -> None:
-        alpha, error = self.step_size(self.visits[state][action]), target - self.q[state][action]
+    def update(self, state: int, action: int, reward: float, after: int | None, future: float) -> None:
+        error = self.target(state, reward, after, future) - self.q[state][action]
+        alpha = self.step_size(self.visits[state][action])
         self.q[state][action] += alpha * error
-        self.left[state][action] *= 1.0 - alpha
         self.tally(state, action, error)
+        self.left[state][action] *= 1.0 - alpha
+        if self.weighed is not None:
+            self.weighed.learn(self.q, self.left, state, action, reward, after)
 
 
 class QLearning(Learner):
     """Watkins (1989); Sutton & Barto (2018), section 6.5."""
 
     def step(self, state: int, action: int, reward: float, after: int | None) -> None:
-        self.update(state, action, self.target(state, reward, after, self.largest(after)))
+        self.update(state, action, reward, after, self.largest(after))
 
 
 class ExpectedSarsa(Learner):
@@ -203,7 +207,7 @@ class ExpectedSarsa(Learner):
 
     def step(self, state: int, action: int, reward: float, after: int | None) -> None:
         future = 0.0 if after is None else self.explore.expected(after)
-        self.update(state, action, self.target(state, reward, after, future))
+        self.update(state, action, reward, after, future)
 
 
 class Sarsa(Learner):
@@ -218,7 +222,7 @@ class Sarsa(Learner):
 
     def step(self, state: int, action: int, reward: float, after: int | None) -> None:
         if after is None:
-            self.update(state, action, self.target(state, reward, None, 0.0))
+            self.update(state, action, reward, None, 0.0)
         else:
             self.waiting = state, action, after
 
@@ -231,7 +235,7 @@ class Sarsa(Learner):
         if self.waiting is not None:
             state, action, after = self.waiting
             self.waiting = None
-            self.update(state, action, self.target(state, 0.0, after, future))
+            self.update(state, action, 0.0, after, future)
 
 
 class DoubleQ(Learner):
@@ -265,8 +269,8 @@ class Traces(Learner):
         faded = {pair: trace * share for pair, trace in self.traces.items()}
         self.traces = {pair: trace for pair, trace in faded.items() if trace >= self.options.least}
 
-    def update(self, state: int, action: int, target: float) -> None:
-        error, pair = target - self.q[state][action], (state, action)
+    def update(self, state: int, action: int, reward: float, after: int | None, future: float) -> None:
+        error, pair = self.target(state, reward, after, future) - self.q[state][action], (state, action)
         accumulates = self.options.traces == "accumulating"
         self.traces[pair] = self.traces.get(pair, 0.0) + 1.0 if accumulates else 1.0
         change = self.step_size(self.visits[state][action]) * error
@@ -288,8 +292,8 @@ class QLambda(Traces, QLearning):
 class SarsaLambda(Traces, Sarsa):
     """Sarsa(lambda) of a table: one feature a pair."""
 
-    def update(self, state: int, action: int, target: float) -> None:
-        super().update(state, action, target)
+    def update(self, state: int, action: int, reward: float, after: int | None, future: float) -> None:
+        super().update(state, action, reward, after, future)
         self.fade()
 
 

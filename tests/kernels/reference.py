@@ -243,11 +243,11 @@ class Weighed:
         mean = (weight * terms).sum(axis=0) / np.where(whole > 0, whole, 1)
         return np.where(whole > 0, np.exp(mean) if self.geometric else mean, 0)
 
-    def learn(self, q, left, state: int, action: int, after: int, reached: bool) -> None:
+    def learn(self, q, left, state: int, action: int, reward: float, after: int | None) -> None:
         """Weighs a step; what is `left` of the start in each value of q follows it."""
         if self.frozen >= 0:
             return
-        entering = 1.0 if reached else self.gamma * self.tables[:, after].max(axis=1)
+        entering = reward if after is None else self.gamma * self.tables[:, after].max(axis=1)
         here = self.tables[:, state, action]
         known = here > 0  # a table that does not know the pair says nothing
         own = self.td_var[:, state, action]
@@ -306,6 +306,7 @@ def learn(
     q = [[float(value) for value in row] for row in table]
     explore = EXPLORATIONS[learning.explore.name](learning, q)
     learner = LEARNERS[learning.learner.name](learning, q, potential, explore, coins)
+    learner.weighed = weighed
     out = Outcome(q, learner.visits, learner.td_var)
     for episode in range(learning.episodes + 1):
         if every > 0 and episode % every == 0:
@@ -329,8 +330,6 @@ def learn(
             length += 1
             over = reached or ended(world)
             learner.step(state, action, float(reached), None if over else world.state)
-            if weighed is not None:
-                weighed.learn(q, learner.left, state, action, world.state, reached)
             over = over or cut_off(world) or length == learning.horizon
         learner.end()
         out.steps.append(length)

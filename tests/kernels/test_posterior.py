@@ -18,7 +18,9 @@ from qinit_cli.kernels.gridworld_exact import solve
 from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.reals import load_reals, total
+from qinit_cli.learners.one_step import Sarsa
 from qinit_cli.learning import Learning
+from qinit_cli.schedules import Linear
 from qinit_cli.watch import Watch
 
 SIZE, BINS = 6, 6
@@ -154,6 +156,24 @@ def test_mountain_car_weighs_as_the_plain_reference_does(rules: dict[str, Any], 
         dice_ = reference.in_lanes(given.rng[task])
         outcome = reference.learn(
             world, CAR, weighed.start, dice_, every=7, evaluation=evaluation, weighed=weighed
+        )
+        assert_same(learned, weighing, task, outcome, weighed)
+        np.testing.assert_allclose(learned.q[task], outcome.q, rtol=0, atol=1e-12)
+
+
+def test_sarsas_updates_weigh_their_steps_when_the_next_action_is_known() -> None:
+    """What is left of a start is the product of 1 - alpha, which changes here."""
+    learning = dataclasses.replace(GRID, learner=Sarsa(), alpha=Linear(0.3, 0.05, 30))
+    given = probability(1, len(GOALS))
+    hypotheses = grid_hypotheses(RULES[0], False)
+    learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), learning, hypotheses, given)
+    assert weighing.moves.min() > 0
+    for task in range(len(GOALS)):
+        weighed, starts = weighed_by(hypotheses, learning), reference.xoshiro(given.starts[task])
+        world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), None, starts)
+        draws, evaluation = reference.in_lanes(given.rng[task]), reference.xoshiro(given.evaluation[task])  # type: ignore[index]
+        outcome = reference.learn(
+            world, learning, weighed.start, draws, every=7, evaluation=evaluation, weighed=weighed
         )
         assert_same(learned, weighing, task, outcome, weighed)
         np.testing.assert_allclose(learned.q[task], outcome.q, rtol=0, atol=1e-12)
