@@ -231,14 +231,22 @@ def test_a_compiled_learner_equals_the_plain_one_to_the_last_bit(
     assert not all(all(outcome.reached) for outcome in outcomes)
 
 
-@pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
-def test_policies_are_followed_and_their_actions_learned_from_by_sarsa_and_counted_by_ucb(
-    exploring: bool,
+@pytest.mark.parametrize(
+    ("family", "exploring", "settings"),
+    [
+        (GRIDS, False, {"explore": Ucb(0.2)}),  # which counts the actions of policies as well
+        (TABLES, False, {"alpha": VISITS, "epsilon": FALLING}),
+        (TABLES, True, {"alpha": VISITS, "epsilon": FALLING}),
+    ],
+    ids=["ucb", "following alone", "exploring while following"],
+)
+def test_sarsa_learns_from_the_actions_of_policies_that_are_followed(
+    family: Any, exploring: bool, settings: dict[str, Any]
 ) -> None:
-    policies = np.random.default_rng(3).integers(0, TABLES.actions, (5, TABLES.states))
+    policies = np.random.default_rng(3).integers(0, family.actions, (5, family.states))
     rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
-    start = Start(table_of(TABLES), None, Policies(policies, **rules, explore_while_following=exploring))
-    assert_plain(TABLES, replace(USUAL, learner=Sarsa(), explore=Ucb(0.2)), start, rules)
+    start = Start(table_of(family), None, Policies(policies, **rules, explore_while_following=exploring))
+    assert_plain(family, replace(USUAL, learner=Sarsa(), **settings), start, rules)
 
 
 @pytest.mark.parametrize(
