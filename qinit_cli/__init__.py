@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         compare,
         families,
         fit,
+        learners,
         lifelong,
         methods,
         open,
@@ -36,6 +37,7 @@ __all__ = [
     "compare",
     "families",
     "fit",
+    "learners",
     "lifelong",
     "methods",
     "open",
@@ -57,8 +59,8 @@ class _Library(ModuleType):
         return getattr(library, name)
 
     def __setattr__(self, name: str, value: object) -> None:
-        # the import system would put the package qinit_cli.methods in the place of the methods by name
-        if name != "methods":
+        # the import system would put the packages of these names in the place of methods and learners by name
+        if name not in ("methods", "learners"):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:

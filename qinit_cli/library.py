@@ -36,7 +36,9 @@ from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
+from qinit_cli.exploration import Exploration
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.options import options, tunable
 from qinit_cli.pipeline import cross_validation as validation
@@ -54,6 +56,7 @@ from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_cli.pipeline.starts import start_table
 from qinit_cli.pipeline.words import option_words
 from qinit_cli.registry import Registry
+from qinit_cli.schedules import Schedule
 from qinit_store.catalog import Store
 
 if TYPE_CHECKING:
@@ -69,7 +72,7 @@ Options = TypeVar("Options")
 
 
 class Kinds(Mapping[str, type[Any]]):
-    """Families or methods by name, also as attributes with `_` for `-`: `families.gridworld(variance=7)`."""
+    """Families, methods or learners by name, also as attributes with `_` for `-`: `families.gridworld(variance=7)`."""
 
     def __init__(self, registry: Registry[Any]) -> None:
         self._registry = registry
@@ -97,6 +100,7 @@ class Kinds(Mapping[str, type[Any]]):
 
 families = Kinds(FAMILIES)
 methods = Kinds(METHODS)
+learners = Kinds(LEARNERS)
 
 
 @dataclass(frozen=True, repr=False)
@@ -258,22 +262,25 @@ def train_sources(
     *,
     tasks: int | None = None,
     seed: int = 0,
-    learner: Literal["q-learning", "exact"] = "q-learning",
+    learner: str | Learner = "q-learning",
     episodes: int | None = None,
     horizon: int | None = None,
-    alpha: float | None = None,
+    alpha: float | str | Schedule | None = None,
     gamma: float | None = None,
-    epsilon: float | None = None,
+    epsilon: float | str | Schedule | None = None,
+    explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
     store: Where = None,
     output: Where = None,
     jobs: int | None = None,
     reporter: Reporter = SILENT,
 ) -> Sources:
-    """Source tasks of a family, learned by Q-learning or exact; None: as the family has it (`qinit train-sources`).
+    """Source tasks of a family, learned, or solved (`learner="exact"`); None: as the family has it (`qinit train-sources`).
 
     Tasks are drawn by `seed`, each with streams of its own, so that more tasks leave the first ones as they are. `store` is a
-    folder, `output` a file of its own; without both the sources are held in memory. UsageError for settings that cannot be.
+    folder, `output` a file of its own; without both the sources are held in memory. Learners, explorations and schedules are
+    given as texts, as on the command line, or as instances: `learners.sarsa_lambda(lambda_=0.8)`. UsageError for settings that
+    cannot be.
 
     >>> import qinit_cli as qinit
     >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
@@ -290,6 +297,7 @@ def train_sources(
         alpha=alpha,
         gamma=gamma,
         epsilon=epsilon,
+        explore=explore,
         start=start,
     )
     words = ("train-sources", family.name, *option_words(family), *option_words(asked))
@@ -347,11 +355,13 @@ def transfer(
     *,
     tasks: int | None = None,
     seed: int = 0,
+    learner: str | Learner = "q-learning",
     episodes: int | None = None,
     horizon: int | None = None,
-    alpha: float | None = None,
+    alpha: float | str | Schedule | None = None,
     gamma: float | None = None,
-    epsilon: float | None = None,
+    epsilon: float | str | Schedule | None = None,
+    explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
     shift: Mapping[str, Any] | None = None,
     evaluate_every: int = 0,
@@ -371,8 +381,21 @@ def transfer(
     >>> qinit.transfer("zero", qinit.fit(sources), tasks=2, episodes=5)["steps"].shape
     (2, 5)
     """
-    asked = _targets(
-        tasks, seed, episodes, horizon, alpha, gamma, epsilon, start, shift, evaluate_every, keep_q
+    asked = _asked(
+        LearningTargets,
+        tasks=tasks,
+        seed=seed,
+        learner=learner,
+        episodes=episodes,
+        horizon=horizon,
+        alpha=alpha,
+        gamma=gamma,
+        epsilon=epsilon,
+        explore=explore,
+        start=start,
+        shift=_texts_of(shift),
+        evaluate_every=evaluate_every,
+        keep_q=keep_q,
     )
     source, chosen = _source(fit, store), _method(method, {})
     known = Knowledge.read(source)
@@ -381,7 +404,7 @@ def transfer(
         chosen, given = tuning.chosen(tuned.source, chosen, known.family)
     words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
     keeping = _keeping(store, output, words)
-    targets, count = target_tasks.targets_of(asked, known.settings.sources)
+    targets, count = target_tasks.targets_of(chosen, asked, known.settings.sources)
     machine = _asked(Machine, jobs=jobs)
     initial, tables = initial_of(chosen, known, targets, count, keeping, machine, reporter)
     plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables])
@@ -396,11 +419,13 @@ def lifelong(
     min_visits: int | None = None,
     tasks: int | None = None,
     seed: int = 0,
+    learner: str | Learner = "q-learning",
     episodes: int | None = None,
     horizon: int | None = None,
-    alpha: float | None = None,
+    alpha: float | str | Schedule | None = None,
     gamma: float | None = None,
-    epsilon: float | None = None,
+    epsilon: float | str | Schedule | None = None,
+    explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
     shift: Mapping[str, Any] | None = None,
     evaluate_every: int = 0,
@@ -414,8 +439,21 @@ def lifelong(
 
     Without `update` no task depends on another, and the run is that of `transfer` (`qinit lifelong`).
     """
-    asked = _targets(
-        tasks, seed, episodes, horizon, alpha, gamma, epsilon, start, shift, evaluate_every, keep_q
+    asked = _asked(
+        LearningTargets,
+        tasks=tasks,
+        seed=seed,
+        learner=learner,
+        episodes=episodes,
+        horizon=horizon,
+        alpha=alpha,
+        gamma=gamma,
+        epsilon=epsilon,
+        explore=explore,
+        start=start,
+        shift=_texts_of(shift),
+        evaluate_every=evaluate_every,
+        keep_q=keep_q,
     )
     living = _asked(Living, update=update, min_visits=min_visits)
     source, chosen = _source(fit, store), _method(method, {})
@@ -425,11 +463,13 @@ def lifelong(
             Fit(source),
             tasks=tasks,
             seed=seed,
+            learner=learner,
             episodes=episodes,
             horizon=horizon,
             alpha=alpha,
             gamma=gamma,
             epsilon=epsilon,
+            explore=explore,
             start=start,
             shift=shift,
             evaluate_every=evaluate_every,
@@ -447,7 +487,7 @@ def lifelong(
         *option_words(living),
         *option_words(asked),
     )
-    targets, count = target_tasks.targets_of(replace(asked, keep_q=True), known.settings.sources)
+    targets, count = target_tasks.targets_of(chosen, replace(asked, keep_q=True), known.settings.sources)
     plan = lifetimes.lifetime_plan(chosen, living, replace(targets, keep_visits=True), count, known)
     return Run(_made(plan, _keeping(store, output, words), 1, reporter, fail_fast=True).source)
 
@@ -457,7 +497,11 @@ def tune(
     sources: Sources | str | os.PathLike[str],
     *,
     grid: Mapping[str, Sequence[float]] | None = None,
+    learner: str | Learner = "q-learning",
     episodes: int | None = None,
+    alpha: float | str | Schedule | None = None,
+    epsilon: float | str | Schedule | None = None,
+    explore: str | Exploration | None = None,
     store: Where = None,
     output: Where = None,
     jobs: int | None = None,
@@ -478,10 +522,18 @@ def tune(
     values = {name: values[name] for name in known if name in values}
     if not values:
         raise UsageError(f"{chosen.name} has no parameters to choose; give a grid")
-    asked = _asked(CrossValidating, episodes=episodes, jobs=jobs)
+    asked = _asked(
+        CrossValidating,
+        learner=learner,
+        episodes=episodes,
+        alpha=alpha,
+        epsilon=epsilon,
+        explore=explore,
+        jobs=jobs,
+    )
     with open_artefact(source, "sources") as artefact:
         plan = validation.plan_for(artefact, chosen, values, asked)
-        words = ["tune", chosen.name, _told(source)]
+        words = ["tune", chosen.name, _told(source), *option_words(replace(asked, jobs=None))]
         for name, several in values.items():
             words += [f"--{name.replace('_', '-')}", ",".join(f"{value:g}" for value in several)]
         made = _made(plan, _keeping(store, output, words), jobs, reporter)
@@ -516,33 +568,8 @@ def start(method: str | Method, fit: Fit | str | os.PathLike[str], **options: An
     return Fit(_source(fit, "qinit-store")).start(method, **options)
 
 
-def _targets(
-    tasks: int | None,
-    seed: int,
-    episodes: int | None,
-    horizon: int | None,
-    alpha: float | None,
-    gamma: float | None,
-    epsilon: float | None,
-    start: Literal["anywhere", "fixed"] | None,
-    shift: Mapping[str, Any] | None,
-    evaluate_every: int,
-    keep_q: bool,
-) -> LearningTargets:
-    return _asked(
-        LearningTargets,
-        tasks=tasks,
-        seed=seed,
-        episodes=episodes,
-        horizon=horizon,
-        alpha=alpha,
-        gamma=gamma,
-        epsilon=epsilon,
-        start=start,
-        shift=[f"{name}={value}" for name, value in shift.items()] if shift else None,
-        evaluate_every=evaluate_every,
-        keep_q=keep_q,
-    )
+def _texts_of(shift: Mapping[str, Any] | None) -> list[str] | None:
+    return [f"{name}={value}" for name, value in shift.items()] if shift else None
 
 
 def _asked(kind: type[Options], **given: Any) -> Options:

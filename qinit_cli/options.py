@@ -129,7 +129,7 @@ def _plain(value: Any, hint: Any) -> int | float:
 
 
 def is_of(value: Any, hint: Any) -> bool:
-    """Whether a value is of the type that an annotation names: numbers, text, choices, lists of them; any for another."""
+    """Whether a value is of the type that an annotation names: numbers, text, lists of them, classes; any for another."""
     if get_origin(hint) in UNIONS:
         return any(is_of(value, part) for part in get_args(hint))
     if get_origin(hint) is list:  # a shift brings one alone
@@ -137,7 +137,7 @@ def is_of(value: Any, hint: Any) -> bool:
         return all(is_of(one, get_args(hint)[0]) for one in several)
     if hint in (int, float):
         return isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool)
-    return isinstance(value, hint) if hint in (bool, str, NoneType) else True
+    return isinstance(value, hint) if isinstance(hint, type) else True
 
 
 def _named(hint: Any) -> str:
@@ -150,8 +150,10 @@ def _named(hint: Any) -> str:
         NoneType: "nothing",
     }
     parts = get_args(hint) if get_origin(hint) in UNIONS else (hint,)
+    classes = {part: f"a {part.__name__}" for part in parts if isinstance(part, type)}
     return " or ".join(
-        names.get(part, "a list of texts" if get_origin(part) is list else "a text") for part in parts
+        (classes | names).get(part, "a list of texts" if get_origin(part) is list else "a text")
+        for part in parts
     )
 
 

@@ -1,7 +1,7 @@
-"""Families and methods by name: our own, and those of installed plug-ins, loaded once somebody looks where they can appear.
+"""Families, methods and learners by name: our own, and those of installed plug-ins, loaded once somebody looks there.
 
-A plug-in is a package with an entry point in the group `qinit.families` or `qinit.methods`, whose name is that of the family or
-method. One that cannot be used is told in one sentence on stderr, once, and left out; everything else works.
+A plug-in is a package with an entry point in a group such as `qinit.families` or `qinit.methods`, which is called like the family
+or method. One that cannot be used is told in one sentence on stderr, once, and left out; everything else works.
 """
 
 from __future__ import annotations
@@ -54,6 +54,11 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
 
     def __len__(self) -> int:
         return len(list(iter(self)))
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """The names of what comes with qinit itself; no plug-in is looked for."""
+        return tuple(self._own)
 
     def is_own(self, name: str) -> bool:
         """Whether it comes with qinit itself."""

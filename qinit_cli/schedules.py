@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from qinit_cli.options import is_of
 
@@ -23,6 +23,8 @@ class Schedule:
             whole = field.name == "episodes"
             if not is_of(value, int if whole else float) or not math.isfinite(value):
                 raise ValueError(f"{self.name} takes {self.form}, and {field.name} is {value!r}")
+            # as a text gives it: 1 and numpy's 1.0 are one setting
+            object.__setattr__(self, field.name, int(value) if whole else float(value))
 
     def __str__(self) -> str:
         return ":".join([self.name, *(f"{getattr(self, field.name)!r}" for field in fields(self))])
@@ -116,6 +118,8 @@ class ByVisits(Schedule):
 
 
 KINDS: dict[str, type[Schedule]] = {each.name: each for each in (Linear, Exponential, ByVisits)}
+FORMS = ", ".join(each.form for each in KINDS.values())
+Number = TypeVar("Number", int, float)
 
 
 def schedule(text: str) -> float | Schedule:
@@ -134,9 +138,10 @@ def schedule(text: str) -> float | Schedule:
     return kind(*(_number(number, text, of) for number, of in zip(numbers, types, strict=True)))
 
 
-def _number(text: str, whole: str, of: Callable[[str], Any]) -> Any:
+def _number(text: str, whole: str, of: Callable[[str], Number]) -> Number:
     try:
         return of(text)
     except ValueError as error:
-        wanted = "whole number" if of is int else "number"
-        raise ValueError(f"{whole!r}: {text!r} is no {wanted}") from error
+        if text == whole:
+            raise ValueError(f"{text!r} is no number, and no schedule: {FORMS}") from error
+        raise ValueError(f"{text!r} in {whole!r} is no {'whole ' * (of is int)}number") from error

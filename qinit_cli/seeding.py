@@ -38,6 +38,10 @@ class Stream(IntEnum):
     TUNING_EVALUATION = 18
     TUNING_CHOICE = 19
     TUNING_WORLD = 20
+    SOURCE_LEARNER = 21
+    TARGET_LEARNER = 22
+    OPTIMAL_LEARNER = 23
+    TUNING_LEARNER = 24
 
 
 def sequence(seed: int, stream: Stream, index: int) -> np.random.SeedSequence:

@@ -15,7 +15,6 @@ from qinit_cli.seeding import Stream
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers, Tasks
 
-Learner = Literal["q-learning", "exact"]
 Role = Literal["source", "target"]
 
 MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
@@ -29,13 +28,24 @@ class SourceStreams:
     rng: Stream
     start: Stream
     world: Stream
+    learner: Stream
 
 
 STREAMS: dict[Role, SourceStreams] = {
-    "source": SourceStreams(Stream.SOURCE_TASK, Stream.SOURCE_DICE, Stream.SOURCE_START, Stream.SOURCE_WORLD),
+    "source": SourceStreams(
+        Stream.SOURCE_TASK,
+        Stream.SOURCE_DICE,
+        Stream.SOURCE_START,
+        Stream.SOURCE_WORLD,
+        Stream.SOURCE_LEARNER,
+    ),
     # target tasks learned as sources are: what `optimal` starts from where there are no exact tables
     "target": SourceStreams(
-        Stream.TARGET_TASK, Stream.OPTIMAL_DICE, Stream.OPTIMAL_START, Stream.OPTIMAL_WORLD
+        Stream.TARGET_TASK,
+        Stream.OPTIMAL_DICE,
+        Stream.OPTIMAL_START,
+        Stream.OPTIMAL_WORLD,
+        Stream.OPTIMAL_LEARNER,
     ),
 }
 
@@ -45,7 +55,7 @@ class SourceTasks:
     """Which tasks are learned to the end, and how."""
 
     family: Family
-    learner: Learner
+    learner: str  # "exact", or the name of learning.learner
     learning: Learning
     seed: int
     role: Role = "source"
@@ -71,6 +81,7 @@ class TargetStreams:
     evaluation: Stream
     choice: Stream
     world: Stream
+    learner: Stream
 
 
 TARGETS = TargetStreams(
@@ -80,6 +91,7 @@ TARGETS = TargetStreams(
     Stream.TARGET_EVALUATION,
     Stream.TARGET_CHOICE,
     Stream.TARGET_WORLD,
+    Stream.TARGET_LEARNER,
 )
 # sources in the place of targets: what is chosen by them has seen no target and none of the targets' random streams
 VALIDATION = TargetStreams(
@@ -89,6 +101,7 @@ VALIDATION = TargetStreams(
     Stream.TUNING_EVALUATION,
     Stream.TUNING_CHOICE,
     Stream.TUNING_WORLD,
+    Stream.TUNING_LEARNER,
 )
 
 

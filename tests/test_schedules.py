@@ -69,16 +69,16 @@ def test_numbers_are_read_as_numbers_and_every_kind_has_a_name() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("much", "'much': 'much' is no number"),
-        ("", "'': '' is no number"),
+        ("much", "'much' is no number, and no schedule: linear:FROM:TO:EPISODES, "),
+        ("", "'' is no number, and no schedule"),
         (
             "cosine:1:0",
             "'cosine:1:0' is no schedule; there are linear:FROM:TO:EPISODES, exponential:.*, visits:POWER",
         ),
         ("linear:1:0", "'linear:1:0' is no linear:FROM:TO:EPISODES"),
         ("linear:1:0:5:6", "is no linear:FROM:TO:EPISODES"),
-        ("linear:1:0:2.5", "'linear:1:0:2.5': '2.5' is no whole number"),
-        ("linear:1:none:5", "'none' is no number"),
+        ("linear:1:0:2.5", "'2.5' in 'linear:1:0:2.5' is no whole number"),
+        ("linear:1:none:5", "'none' in 'linear:1:none:5' is no number"),
         ("linear:1:0:0", "linear:FROM:TO:EPISODES takes 1 episode or more, not 0"),
         ("linear:nan:0:5", "linear takes linear:FROM:TO:EPISODES, and first is nan"),
         ("exponential:1:0:0.1", "takes a decay above 0 and at most 1, not 0.0"),

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
+from qinit_cli.exploration import EpsilonGreedy
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod
@@ -86,6 +87,7 @@ class RunKind(Kind["RunSettings"]):
             start_per_task=there["start"].per_task,
             potential_per_task=there["potential"].per_task,
             exact_values="v_star" in there or "v_eps" in there,
+            attainable=isinstance(self.read(artefact.spec).learning.explore, EpsilonGreedy),
             evaluations=sizes.get("evaluation", 0),
             keep_q="q" in there,
             updating="visits" in there,
@@ -216,9 +218,11 @@ def run_schema(
     updating: bool = False,
     hypotheses: int = 0,
     moments: Array | None = None,
+    attainable: bool = True,
 ) -> Schema:
     """What target tasks leave behind; start and potential have a task axis where they depend on it.
 
+    What is `attainable` while exploring is known of epsilon-greedy alone; of others v_eps is NaN.
     `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
     many episodes as `moments` says stand there too.
     """
@@ -254,6 +258,7 @@ def run_schema(
                 long_name="value of the start under epsilon-greedy on the optimum",
                 low=0,
                 high=1 + ROUNDING,
+                nan=not attainable,
             ),
         ]
     if evaluations:

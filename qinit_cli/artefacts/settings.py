@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import NotAllowed, QinitError
+from qinit_cli.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners import LEARNERS, Learner, QLearner
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
 from qinit_cli.options import is_of
 from qinit_cli.registry import PLUG_IN
+from qinit_cli.schedules import Schedule, schedule
 from qinit_store.guard import MOST_TASKS
 
 if TYPE_CHECKING:
@@ -33,10 +36,21 @@ Made = TypeVar("Made")
 ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
-LEARNERS, ROLES = ("q-learning", "exact"), ("source", "target")
+ROLES = ("source", "target")
 # stand-ins for settings that the exact learner does not have
-EXACT: dict[str, Any] = {"epsilon": 0.0, "episodes": 1, "start": "fixed"}
-OF_EXACT = {"alpha": float, "gamma": float, "horizon": int}  # alpha is kept for the transfer that follows
+EXACT: dict[str, Any] = {
+    "epsilon": 0.0,
+    "episodes": 1,
+    "start": "fixed",
+    "learner": QLearner(),
+    "explore": EpsilonGreedy(),
+}
+OF_EXACT: dict[str, Any] = {  # alpha is kept for the transfer that follows
+    "alpha": float | str,
+    "gamma": float,
+    "horizon": int,
+}
+SCHEDULED = ("alpha", "epsilon")  # numbers or schedules; these are kept as they are typed
 OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
     "algorithm_version": int,
     "method": dict,
@@ -165,6 +179,23 @@ class StoredMethod:
     def reads_sources(self) -> bool:
         """Whether its start depends on the sources; True for a method that is not installed."""
         return self.here is None or self.here.reads_sources
+
+
+@dataclass(frozen=True)
+class StoredLearner(Learner):
+    """A plug-in's learner that is not installed: its settings can be read and compared, but nothing be learned by it."""
+
+    name: str = ""  # type: ignore[misc]  # of each its own
+    options: Spec = dataclasses.field(default_factory=dict)
+
+    def kernel(self, learning: Learning, batch: Any) -> Any:
+        """None: NotAllowed."""
+        raise NotAllowed(f"the learner {self.name} is not installed here; known are {', '.join(LEARNERS)}")
+
+    def __str__(self) -> str:
+        """As it would be typed, with all options."""
+        given = ",".join(f"{name}={value}" for name, value in self.options.items())
+        return ":".join([self.name, *([given] if given else [])])
 
 
 class DrawnTasks(Protocol):
@@ -487,7 +518,7 @@ class TuningSettings:
 
 
 def plug_ins(settings: Settings) -> dict[str, str]:
-    """The plug-ins whose families and methods they name: "plug-in NAME", and the distribution with its version.
+    """The plug-ins whose families, methods and learners they name: "plug-in NAME", and the distribution with its version.
 
     Also the packages that a family's numbers depend on (its `packages`), with their versions.
     """
@@ -499,10 +530,25 @@ def plug_ins(settings: Settings) -> dict[str, str]:
         methods |= {settings.method.name, settings.method.start}
     packages = [(family, FAMILIES.package(family))]
     packages += [(name, METHODS.package(name)) for name in sorted(methods)]
+    packages += [(name, LEARNERS.package(name)) for name in sorted(_learners(settings))]
     needed = getattr(FAMILIES.get(family), "packages", ())
     return {f"{PLUG_IN} {name}": package for name, package in packages if package} | {
         each: version(each) for each in sorted(needed)
     }
+
+
+def _learners(settings: Settings) -> set[str]:
+    """The learners behind an artefact, but for the exact one."""
+    match settings:
+        case RunSettings():
+            several = [settings.learning, settings.source_set.learning]
+        case TuningSettings():
+            several = [settings.learning, settings.sources.learning]
+        case SourcesSettings() | FitSettings():
+            several = [settings.sources.learning]
+        case _:
+            several = []
+    return {learning.learner.name for learning in several}
 
 
 def outdated(settings: Settings) -> list[str]:
@@ -551,7 +597,7 @@ def _targets_spec(settings: RunSettings | TuningSettings) -> dict[str, Any]:
         "algorithm_version": settings.algorithm_version,
         "method": settings.method.spec(),
         "family": settings.family.spec(),
-        "learning": asdict(settings.learning),
+        "learning": plain_learning(settings.learning),
         "seed": settings.seed,
         "tasks": settings.tasks,
         "inputs": [settings.content],
@@ -562,10 +608,27 @@ def _algorithm(family: Family) -> int:
     return int(getattr(family, "algorithm", ALGORITHM))
 
 
-def plain_learning(learning: Learning, learner: str) -> dict[str, Any]:
-    """The settings of learning that mean something to the learner: the exact one has neither episodes nor exploration."""
-    told = asdict(learning)
-    return {name: told[name] for name in OF_EXACT} if learner == "exact" else told
+def plain_learning(learning: Learning, learner: str = "") -> dict[str, Any]:
+    """As the store keeps it, for what is learned; of what the `learner` "exact" solves, the settings that mean something there.
+
+    Learner and exploration stand there unless they are epsilon-greedy Q-learning.
+    """
+    told = {one.name: getattr(learning, one.name) for one in dataclasses.fields(Learning)}
+    told |= {name: str(told[name]) for name in SCHEDULED if isinstance(told[name], Schedule)}
+    if learner == "exact":
+        return {name: told[name] for name in OF_EXACT}
+    for name, usual in (("learner", QLearner()), ("explore", EpsilonGreedy())):
+        one = told.pop(name)
+        if one != usual:
+            told[name] = {"name": one.name, **options_of(one)}
+    return told
+
+
+def options_of(one: Learner | Exploration) -> dict[str, Any]:
+    """The options of a learner or an exploration by the names that are typed."""
+    if isinstance(one, StoredLearner):
+        return dict(one.options)
+    return {name.rstrip("_"): value for name, value in _plain(asdict(one)).items()}
 
 
 def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
@@ -575,11 +638,47 @@ def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
     return {name: value for name, value in spec.items() if name != "kind"}
 
 
-def _learning(told: Any, learner: str = "q-learning") -> Learning:
-    settings = _object(told, "learning")
+def _learning(told: Any, learner: str = "") -> Learning:
+    """How tasks are learned, by the `learner` of this name if one is given; ValueError where that cannot be."""
+    settings = dict(_object(told, "learning"))
     if learner == "exact":
         settings = EXACT | _of(settings, "learning", OF_EXACT)
-    return _built(Learning, settings, "learning")
+    for name in SCHEDULED:
+        if isinstance(text := settings.get(name), str):
+            settings[name] = _schedule(name, text)
+    readers: dict[str, Callable[[Any], Any]] = {"learner": _learner, "explore": _exploration}
+    for name, reader in readers.items():
+        if name in settings and learner != "exact":
+            settings[name] = reader(settings[name])
+    found = _built(Learning, settings, "learning")
+    if learner not in ("", "exact", found.learner.name):
+        raise ValueError(f"the learner is {learner!r}, and learning is by {found.learner.name}")
+    return found
+
+
+def _schedule(name: str, text: str) -> Schedule:
+    found = schedule(text)
+    if not isinstance(found, Schedule) or str(found) != text:
+        raise ValueError(f"{name} is {text!r} in learning, no schedule as it is written here")
+    return found
+
+
+def _learner(told: Any) -> Learner:
+    name, options = _named(told, "the learner")
+    return _with_options(LEARNERS[name], options, name) if name in LEARNERS else StoredLearner(name, options)
+
+
+def _exploration(told: Any) -> Exploration:
+    name, options = _named(told, "the exploration")
+    _among("exploration", name, EXPLORATIONS)
+    return _with_options(EXPLORATIONS[name], options, name)
+
+
+def _with_options(kind: type[Made], options: Spec, name: str) -> Made:
+    """An instance by its options as they are typed; ValueError where one is missing, unknown or out of its range."""
+    fields = {one.name.rstrip("_"): one.name for one in dataclasses.fields(kind)}  # type: ignore[arg-type]  # a dataclass
+    _refuse_unknown(options, fields, name)
+    return _built(kind, {fields[key]: value for key, value in options.items()}, name)
 
 
 def _built(kind: Callable[..., Made], settings: Spec, what: str) -> Made:
@@ -597,7 +696,6 @@ def _built(kind: Callable[..., Made], settings: Spec, what: str) -> Made:
 
 def _drawn(told: Spec) -> dict[str, Any]:
     """How sources were drawn and learned: part of every artefact that is made from them."""
-    _among("learner", told["learner"], LEARNERS)
     found = {
         "family": StoredFamily.read(told["family"]),
         "learning": _learning(told["learning"], told["learner"]),
@@ -652,12 +750,7 @@ def _of(
     _refuse_unknown(settings, known, what)
     for name, kind in known.items():
         if name in settings:
-            fits = (
-                is_of(settings[name], kind)
-                if kind in (int, float, bool, str)
-                else isinstance(settings[name], kind)
-            )
-            if not fits:
+            if not is_of(settings[name], kind):
                 raise ValueError(f"{name} is {settings[name]!r} in {what}")
         elif name in needed:
             raise ValueError(

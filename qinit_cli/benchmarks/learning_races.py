@@ -14,10 +14,12 @@ from qinit_cli.benchmarks.race import Race, Runner
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.random_streams import Words, lane_seeds, seeds
 from qinit_cli.learning import Learning
 from qinit_cli.pipeline.sources import sequences
+from qinit_cli.schedules import Schedule
 from qinit_cli.seeding import Stream, sequence
 from qinit_cli.watch import Watch
 
@@ -137,11 +139,14 @@ def _plain(loop: Plain, tasks: Tasks, learning: Learning, start: Floats) -> Call
 
 
 def _numba_arguments(learning: Learning) -> tuple[bool, float, float, float, int, int]:
+    alpha, epsilon = learning.alpha, learning.epsilon
+    if isinstance(alpha, Schedule) or isinstance(epsilon, Schedule):
+        raise NotAllowed("the plain loops know no schedules")
     return (
         learning.start == "anywhere",
-        learning.alpha,
+        alpha,
         learning.gamma,
-        learning.epsilon,
+        epsilon,
         learning.episodes,
         learning.horizon,
     )

@@ -69,7 +69,7 @@ def lifelong(
     """
     if living.update:
         _check_alone(method, machine)
-    path = _fitted(known, learning, output, display)
+    path = _fitted(known, method, learning, output, display)
     if living.update:
         _update(path, method, living, learning, output, machine, display)
     else:
@@ -87,7 +87,7 @@ def _check_alone(method: Method, machine: Machine) -> None:
         )
 
 
-def _fitted(known: str, learning: LearningTargets, output: Output, display: Display) -> Path:
+def _fitted(known: str, method: Method, learning: LearningTargets, output: Output, display: Display) -> Path:
     """The fit that is named, or that of the sources that are, with the defaults of `qinit fit`.
 
     What refuses the targets that are asked for refuses them before a fit is written.
@@ -104,7 +104,7 @@ def _fitted(known: str, learning: LearningTargets, output: Output, display: Disp
     if describe(path).kind != "sources":
         return path
     with open_artefact(path, "sources") as sources:
-        targets, _ = targets_of(learning, SourcesSettings.read(sources.spec))
+        targets, _ = targets_of(method, learning, SourcesSettings.read(sources.spec))
     _ = targets.family.shape  # asks for the module of an environment that is not imported
     if output.dry_run:
         raise UsageError(
@@ -138,7 +138,7 @@ def _update(
     if (machine.jobs or 1) > 1:
         note(display, "tasks that add to each other are learned one after another, whatever --jobs says")
     fitted = Knowledge.read(path)
-    targets, count = targets_of(replace(learning, keep_q=True), fitted.settings.sources)
+    targets, count = targets_of(method, replace(learning, keep_q=True), fitted.settings.sources)
     targets = replace(targets, keep_visits=True)
     if targets.family != fitted.family:
         note(

@@ -8,13 +8,14 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field
 from functools import cached_property
 from pathlib import Path
+from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
 from qinit_cli import cores
 from qinit_cli.errors import UsageError
-from qinit_cli.options import check, flag, help_of, option, options
+from qinit_cli.options import UNIONS, check, flag, help_of, option, options
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 
@@ -42,7 +43,7 @@ class Group:
     @cached_property
     def parameters(self) -> tuple[inspect.Parameter, ...]:
         """The options as keyword parameters that typer reads; made once, as many commands share a group."""
-        hints = get_type_hints(self.owner)
+        hints = {name: _typed(hint) for name, hint in get_type_hints(self.owner).items()}
         return tuple(self._parameter(option, hints[option.name]) for option in options(self.owner))
 
     @cached_property
@@ -80,6 +81,13 @@ class Group:
         return inspect.Parameter(
             option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, info]
         )
+
+
+def _typed(hint: Any) -> Any:
+    """The type that typer reads: what may be a text is typed as one, whatever else it may be."""
+    if get_origin(hint) not in UNIONS or str not in get_args(hint):
+        return hint
+    return str | None if NoneType in get_args(hint) else str
 
 
 def _metavar(given: str | None, hint: Any) -> str | None:

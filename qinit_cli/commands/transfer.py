@@ -122,7 +122,7 @@ def transfer(
 
     known = Knowledge.read(references.one(fit, output.store, references.LEARNING, output=output.output))
     method, choice = tuned.applied(method, output, known.family)
-    targets, count = targets_of(learning, known.settings.sources)
+    targets, count = targets_of(method, learning, known.settings.sources)
     _say_overrides(targets.learning, known.settings.sources.learning, display)
     _say_limits(method, known.fit, targets.family, display)
     initial, tables = initial_of(

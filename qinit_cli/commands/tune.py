@@ -76,7 +76,9 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
                 _number_options(method), "One value of each, or several to try as well (1,3,10)"
             ),
             "fixed": Group(_fixed_options(method), "Method"),
-            "validating": Group(CrossValidating, "Learning"),
+            "validating": Group(
+                CrossValidating, "Learning", {"alpha": "from the sources", "epsilon": "as targets have"}
+            ),
             "kept": Group(Kept, "Artefact"),
             "tabular": TABULAR,
             "display": DISPLAY,

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners import QLearner
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Settings, SourceSet, StoredFamily
@@ -20,7 +22,7 @@ Words = dict[str, str]
 
 # not settings, or taken apart below
 APART = ("kind", "family", "learning", "method", "source_set", "sources", "inputs", "grid")
-ITSELF = ("learner", "estimator", "role")  # settings whose values need no name: "exact", "umvue"
+ITSELF = ("learner", "explore", "estimator", "role")  # settings whose values need no name: "exact", "umvue"
 RECORDED = ("keep_q", "evaluate_every")  # what a run keeps changes none of its numbers
 OF_METHOD, OF_RECORD, OF_SOURCES = "method", "recorded", "sources"  # how the keys of such settings begin
 THEIRS = "sources' "
@@ -110,11 +112,27 @@ def _own(plain: Spec, family: StoredFamily | None, *, labelled: bool) -> Iterato
                 f"{OF_RECORD if name in RECORDED else within} {name}",
                 _word(noun, value, counted=name == "tasks"),
             )
-    for name, value in _flat(plain.get("learning", {})):
-        yield f"{within} learning {name}", _word(name, value)
+    for key, word in _learned(plain):
+        yield f"{within} {key}", word
     method = plain.get("method", {})
     for name, value in _flat({key: part for key, part in method.items() if key not in ("name", "label")}):
         yield f"{OF_METHOD} {method.get('label')} {name}", _word(name, value)
+
+
+def _learned(plain: Spec) -> Iterator[tuple[str, str]]:
+    """How tasks are learned, with learner and exploration though they be the usual ones, which are not stored.
+
+    Where steps explore by another rule, epsilon means nothing.
+    """
+    learning = plain.get("learning", {})
+    if not learning or plain.get("learner") == "exact":
+        several = learning
+    else:
+        several = {"learner": {"name": QLearner.name}, "explore": {"name": EpsilonGreedy.name}} | learning
+    for name, value in _flat(several):
+        first, _, option = name.partition(" ")
+        if name != "epsilon" or "explore" not in learning:
+            yield f"learning {name}", _word(option or first, value)
 
 
 def _said_already(key: str, words: Words) -> bool:
@@ -130,8 +148,8 @@ def _of_sources(fitted: SourceSet, targets: StoredFamily) -> Words:
     unshifted = own.spec() == targets.spec()
     found: Words = {f"{within} family": "unshifted" if unshifted else f"sources of {own.label}"}
     shared = fitted.shared() | ({} if fitted.seed is None else {"seed": fitted.seed})
-    for name, value in _flat(shared["learning"]):
-        found[f"{within} learning {name}"] = f"{THEIRS}{_word(name, value)}"
+    for key, word in _learned(shared):
+        found[f"{within} {key}"] = f"{THEIRS}{word}"
     for name, value in shared.items():
         if name not in APART:
             theirs = THEIRS if name == "seed" else ""

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qinit_cli.artefacts.settings import RunSettings, StoredFamily
 from qinit_cli.errors import NotAllowed
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats
@@ -31,7 +32,7 @@ class ComparedRun:
     settings: RunSettings
     steps: NDArray[np.int32]  # (T, E)
     reached: Flags  # (T, E)
-    attainable: Floats | None  # (T,) exact value of what learning comes to; None where no exact table exists
+    attainable: Floats | None  # (T,) exact value of what learning comes to; None where it is unknown
     v_star: Floats | None  # (T,) exact value of Q* from the start; None likewise
     evaluation_steps: (
         NDArray[np.int32] | None
@@ -123,7 +124,7 @@ class ComparedRun:
             settings=settings,
             steps=rows["steps"],
             reached=rows["reached"].astype(bool),
-            attainable=rows.get("v_eps"),
+            attainable=_known(rows.get("v_eps")),
             v_star=rows.get("v_star"),
             evaluation_steps=rows.get("eval_steps"),
             evaluation_reached=rows["eval_reached"].astype(bool) if "eval_reached" in names else None,
@@ -145,6 +146,11 @@ def read_runs(paths: Iterable[Path]) -> list[ComparedRun]:
         run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
         for path, run in found.values()
     ]
+
+
+def _known(values: Floats | None) -> Floats | None:
+    """The values; None where they are NaN, as those of explorations other than epsilon-greedy are."""
+    return None if values is None or np.isnan(values).any() else values
 
 
 def _parameters(family: StoredFamily) -> list[str]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from qinit_cli.artefacts.settings import plain_learning
 from qinit_cli.comparison.distinctions import (
     OF_METHOD,
     OF_RECORD,
@@ -26,6 +27,7 @@ from qinit_cli.comparison.distinctions import (
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.errors import NotAllowed
 
+LEARNED = ("alpha", "epsilon", "learner", "explore")  # how targets are learned, not what they are
 VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
 
 
@@ -196,7 +198,12 @@ def _entries(runs: list[ComparedRun]) -> tuple[Entry, ...]:
 def _options(run: ComparedRun) -> tuple[str, str, str, str]:
     fitted = run.fitted if run.reads_sources else {}
     told = run.settings
-    return run.label, _canonical(told.method.spec()), _canonical(asdict(told.learning)), _canonical(fitted)
+    return (
+        run.label,
+        _canonical(told.method.spec()),
+        _canonical(plain_learning(told.learning)),
+        _canonical(fitted),
+    )
 
 
 def _sets(runs: Sequence[ComparedRun]) -> int:
@@ -204,8 +211,9 @@ def _sets(runs: Sequence[ComparedRun]) -> int:
 
 
 def _distribution(run: ComparedRun) -> tuple[str, str, tuple[int, ...]]:
-    learning = asdict(run.settings.learning)
-    met = {name: value for name, value in learning.items() if name not in ("alpha", "epsilon")}
+    met = {
+        name: value for name, value in plain_learning(run.settings.learning).items() if name not in LEARNED
+    }
     return _canonical(run.settings.family.spec()), _canonical(met), run.steps.shape
 
 

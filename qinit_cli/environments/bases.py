@@ -199,7 +199,7 @@ class TableFamily(NeutralFamily):
             there.probability,
             there.open,
             learning.gamma,
-            learning.epsilon,
+            learning.last_epsilon,
             EXACT_TOLERANCE,
             q,
             value,

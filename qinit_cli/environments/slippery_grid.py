@@ -143,7 +143,7 @@ class SlipperyGrid:
             tasks["p"].copy(),
             self.size,
             learning.gamma,
-            learning.epsilon,
+            learning.last_epsilon,
             EXACT_TOLERANCE,
             q,
             value,

@@ -26,6 +26,7 @@ class QLambda(Learner):
     """
 
     name: ClassVar[str] = "q-lambda"
+    counts: ClassVar[bool] = False
     weighs: ClassVar[bool] = False
     lambda_: float = LAMBDA
     traces: Literal["replacing", "accumulating"] = TRACES
@@ -47,6 +48,7 @@ class SarsaLambda(Learner):
     """
 
     name: ClassVar[str] = "sarsa-lambda"
+    counts: ClassVar[bool] = False
     weighs: ClassVar[bool] = False
     waits: ClassVar[bool] = True
     lambda_: float = LAMBDA

@@ -87,6 +87,7 @@ class Method:
     attains: ClassVar[bool] = (
         False  # its last episodes earn what a target allows: regret is counted from them
     )
+    weighs: ClassVar[bool] = False  # whether hypotheses change its start while a task is learned
     look: ClassVar[Look] = Look()
     # steps of an episode by family, measured at the paper's sizes: of what starts from the sources' tables, unless replaced
     episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 220}
@@ -95,6 +96,11 @@ class Method:
 
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
+
+    @property
+    def shapes(self) -> bool:
+        """Whether it has a potential."""
+        return type(self).potential is not Method.potential
 
     def on(self, family: Family) -> Self:
         """With what it leaves to the family filled in; itself."""

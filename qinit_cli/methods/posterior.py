@@ -82,6 +82,7 @@ class Posterior(Method):
 
     name: ClassVar[str] = "posterior"
     formula: ClassVar[str] = "sum_i w_i Q_i, ln w_i = -temperature sum of z_i^2 over the target's own steps"
+    weighs: ClassVar[bool] = True
     look: ClassVar[Look] = Look("#882255", "X", "////")
 
     @property

@@ -167,5 +167,5 @@ def targets_of_run(run: PlannedRun, sources: SourcesSettings) -> TargetTasks:
     from qinit_cli.pipeline.asked import LearningTargets
     from qinit_cli.pipeline.transfer import targets_of
 
-    targets, _ = targets_of(LearningTargets(tasks=run.tasks, episodes=run.episodes), sources)
+    targets, _ = targets_of(run.method, LearningTargets(tasks=run.tasks, episodes=run.episodes), sources)
     return targets

@@ -6,8 +6,8 @@ families' own learning options and counts of tasks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, fields
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from typing import Any
 
 from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, SourcesSettings, plain_learning
@@ -38,7 +38,7 @@ def of_run(told: RunSettings, sources: SourceSet | None) -> Setting:
     """What a run is evidence of, by its settings and its source set; None where its method reads no sources."""
     family = told.family.installed()
     usual = family.target_learning
-    target = _learning_differences(asdict(told.learning), usual)
+    target = _learning_differences(told.learning, plain_learning(told.learning), usual)
     if told.tasks != family.target_tasks:
         target["tasks"] = told.tasks
     full = told.tasks >= family.target_tasks and told.learning.episodes >= usual.episodes
@@ -98,7 +98,9 @@ def _world_differences(family: Any) -> Iterator[str]:
 def _source_differences(told: SourcesSettings | SourceSet) -> Differences:
     family = told.family.installed()
     differences: Differences = {"exact sources": None} if told.learner == "exact" else {}
-    differences |= _learning_differences(plain_learning(told.learning, told.learner), family.source_learning)
+    differences |= _learning_differences(
+        told.learning, plain_learning(told.learning, told.learner), family.source_learning
+    )
     if told.tasks != family.source_tasks:
         differences["source tasks"] = told.tasks
     return differences
@@ -108,8 +110,14 @@ def _fit_differences(options: FitOptions) -> Differences:
     return {name: value for name, usual in PLAIN_FIT.items() if (value := getattr(options, name)) != usual}
 
 
-def _learning_differences(learning: Mapping[str, Any], usual: Learning) -> Differences:
-    return {name: value for name, value in learning.items() if value != getattr(usual, name)}
+def _learning_differences(learning: Learning, stored: Iterable[str], usual: Learning) -> Differences:
+    """Of the settings that are stored those that differ, schedules, learner and exploration as they are typed."""
+    found = {name: getattr(learning, name) for name in stored}
+    return {
+        name: value if isinstance(value, int | float) else str(value)
+        for name, value in found.items()
+        if value != getattr(usual, name)
+    }
 
 
 def _sources_full(told: SourcesSettings | SourceSet) -> bool:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings, plain_learning
 from qinit_cli.claims.setting import GRIDWORLD, MOUNTAIN_CAR, Setting
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped
@@ -220,7 +220,7 @@ def _of_group(group: RunGroup, averages: Mapping[str, Floats]) -> Iterator[tuple
     from qinit_store.spec import canonical_json
 
     def targets(entry: Entry) -> str:
-        return canonical_json(asdict(entry.runs[0].settings.learning))
+        return canonical_json(plain_learning(entry.runs[0].settings.learning))
 
     reading: dict[tuple[str, str], list[Entry]] = {}
     free: dict[str, list[Entry]] = {}

@@ -2,17 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal
 
 from qinit_cli import cores
 from qinit_cli.environments import Family
 from qinit_cli.errors import UsageError
+from qinit_cli.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
+from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learning import Learning
-from qinit_cli.nearest import nearest
-from qinit_cli.options import check, flag, option, options
+from qinit_cli.options import check, flag, option
+from qinit_cli.schedules import ByVisits, Exponential, Linear, Schedule, schedule
+from qinit_cli.spelling import read, setting
 
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
+BY_EPISODE = f"{Linear.form} or {Exponential.form}"
+TYPED = "NAME[:KEY=VALUE,...]"
+EXPLORE = option(
+    None,
+    f"How steps explore: {', '.join(EXPLORATIONS)}, and their options.",
+    metavar=TYPED,
+    default_text="epsilon-greedy; greedy for delayed-q and r-max",
+    seldom=True,
+)
+ALPHA = option(
+    None,
+    f"Step size, or a schedule: {BY_EPISODE}, or {ByVisits.form}.",
+    above=0,
+    high=1,
+    metavar="NUMBER|SCHEDULE",
+    seldom=True,
+)
+EPSILON = option(
+    None,
+    f"Probability that a step explores, or a schedule: {BY_EPISODE}.",
+    low=0,
+    high=1,
+    metavar="NUMBER|SCHEDULE",
+    seldom=True,
+)
+BY = option(
+    "q-learning",
+    f"How they are learned, whatever the sources were: {', '.join(LEARNERS.own)}, and their options (docs/learners.md).",
+    metavar=TYPED,
+)
 MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
 
 
@@ -22,31 +56,43 @@ class LearningSources:
 
     tasks: int | None = option(None, "Source tasks.", low=1, metavar="N")
     seed: int = option(0, "Root of all randomness; each task has streams of its own.", low=0)
-    learner: Literal["q-learning", "exact"] = option(
-        "q-learning", "Tabular Q-learning, or exact tables by value iteration."
+    learner: str | Learner = option(
+        "q-learning",
+        "Exact tables by value iteration (exact), or how they are learned: "
+        f"{', '.join(name for name in LEARNERS.own if LEARNERS[name].learns)}, and their options (docs/learners.md).",
+        metavar=TYPED,
     )
     episodes: int | None = option(None, "Episodes of each task.", low=1)
     horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
-    alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
+    alpha: float | str | Schedule | None = ALPHA
     gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
-    epsilon: float | None = option(None, "Probability that a step explores.", low=0, high=1, seldom=True)
+    epsilon: float | str | Schedule | None = EPSILON
+    explore: str | Exploration | None = EXPLORE
     start: Literal["anywhere", "fixed"] | None = option(
         None, "Where episodes start: anywhere, or where target tasks start.", seldom=True
     )
 
     def __post_init__(self) -> None:
+        _read(self, "exact")
         check(self)
-        idle = [name for name in ("episodes", "epsilon", "start") if getattr(self, name) is not None]
-        if self.learner == "exact" and idle:
+        idle = [
+            name for name in ("episodes", "epsilon", "explore", "start") if getattr(self, name) is not None
+        ]
+        if self.exact and idle:
             raise ValueError(
                 f"the exact learner has no episodes, so {flag(idle[0])} means nothing to it; leave it out"
             )
+        if isinstance(self.learner, Learner) and not self.learner.learns:
+            raise ValueError(f"--learner is {self.learner}, which learns nothing; sources need another")
+
+    @property
+    def exact(self) -> bool:
+        """Whether the tables are solved for instead of learned."""
+        return self.learner == "exact"
 
     def learning(self, family: type[Family]) -> Learning:
         """The family's way of learning sources with what was asked put in its place; UsageError where that cannot be."""
-        names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
-        asked = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return _changed(family.source_learning, asked)
+        return _learning(family.source_learning, {}, self)
 
 
 @dataclass(frozen=True)
@@ -57,11 +103,13 @@ class LearningTargets:
     seed: int = option(
         0, "Root of the targets' randomness: every method meets the same tasks and random streams.", low=0
     )
+    learner: str | Learner = BY
     episodes: int | None = option(None, "Episodes of each task.", low=1)
     horizon: int | None = option(None, "Steps after which an episode is cut off.", low=1, seldom=True)
-    alpha: float | None = option(None, "Step size.", above=0, high=1, seldom=True)
+    alpha: float | str | Schedule | None = ALPHA
     gamma: float | None = option(None, "Discount.", above=0, high=1, seldom=True)
-    epsilon: float | None = option(None, "Probability that a step explores.", low=0, high=1, seldom=True)
+    epsilon: float | str | Schedule | None = EPSILON
+    explore: str | Exploration | None = EXPLORE
     start: Literal["anywhere", "fixed"] | None = option(
         None, "Where episodes start: at the family's target start, or anywhere.", seldom=True
     )
@@ -81,14 +129,12 @@ class LearningTargets:
     keep_q: bool = option(False, "Keep the learned tables too.", seldom=True)
 
     def __post_init__(self) -> None:
+        _read(self)
         check(self)
 
     def learning(self, family: Family, sources: Learning) -> Learning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
-        given = {name: getattr(sources, name) for name in FROM_SOURCES}
-        names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
-        asked = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return _changed(family.target_learning, given | asked)
+        return _learning(family.target_learning, _inherited(sources), self)
 
     def family(self, sources: Family) -> Family:
         """The sources' family with the shifts made; UsageError, one sentence, where they cannot be."""
@@ -132,43 +178,79 @@ class Living:
 class CrossValidating:
     """How sources are learned in the place of targets; what is not given is as for targets."""
 
+    learner: str | Learner = BY
     episodes: int | None = option(
         None, "Episodes of each source, learned as a target is.", low=1, default_text="as targets have"
     )
+    alpha: float | str | Schedule | None = ALPHA
+    epsilon: float | str | Schedule | None = EPSILON
+    explore: str | Exploration | None = EXPLORE
     jobs: int | None = option(
         None, "Sources learned at once.", low=1, high=cores.MOST_JOBS, default_text="all cores", metavar="N"
     )
 
     def __post_init__(self) -> None:
+        _read(self)
         check(self)
 
     def learning(self, family: Family, sources: Learning) -> Learning:
-        """The family's way of learning targets, with alpha, gamma and horizon of the sources; UsageError where that cannot be."""
-        given = {name: getattr(sources, name) for name in FROM_SOURCES}
-        asked = {} if self.episodes is None else {"episodes": self.episodes}
-        return _changed(family.target_learning, given | asked)
+        """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""
+        return _learning(family.target_learning, _inherited(sources), self)
 
 
-def _changed(usual: Learning, asked: dict[str, Any]) -> Learning:
+def _read(asked: Any, *also: str) -> None:
+    """Texts become the learner, exploration, schedule or number that they write; ValueError, one sentence, if they write none.
+
+    Names in `also` may stand for a learner, and stay texts.
+    """
+    readers: dict[str, Callable[[str], Any]] = {
+        "learner": lambda text: text if text in also else read(text, LEARNERS, also),
+        "explore": lambda text: read(text, EXPLORATIONS),
+        "alpha": schedule,
+        "epsilon": schedule,
+    }
+    for name, reader in readers.items():
+        if isinstance(text := getattr(asked, name), str):
+            try:
+                object.__setattr__(asked, name, reader(text))
+            except ValueError as error:
+                raise ValueError(f"{flag(name)} {error}") from error
+
+
+SETTINGS = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start", "explore")
+
+
+def _learning(usual: Learning, inherited: dict[str, Any], asked: Any) -> Learning:
+    """The usual way of learning with what is inherited and what was asked put in its place; UsageError where that cannot be."""
+    given = {name: value for name in SETTINGS if (value := getattr(asked, name, None)) is not None}
+    learner = asked.learner if isinstance(asked.learner, Learner) else usual.learner
+    explore = given.get("explore", usual.explore)
+    if "alpha" in given and not learner.steps:
+        raise UsageError(f"--learner {learner} has no step size; leave out --alpha")
+    if "epsilon" in given and not isinstance(explore, EpsilonGreedy):
+        raise UsageError(f"--explore {explore} has no epsilon; leave out --epsilon")
+    greedy = not (learner.explores or given.keys() & {"epsilon", "explore"})
+    if greedy or not isinstance(explore, EpsilonGreedy):
+        given["epsilon"] = 0.0
     try:
-        return replace(usual, **asked)
+        found = replace(usual, **inherited | given, learner=learner)
     except ValueError as error:
         raise UsageError(f"--{error}") from error
+    if isinstance(found.alpha, ByVisits) and not learner.counts:
+        raise UsageError(
+            f"--learner {learner} updates many state-actions at once, so alpha cannot be {found.alpha}; give --alpha a "
+            f"number, {BY_EPISODE}"
+        )
+    return found
+
+
+def _inherited(sources: Learning) -> dict[str, Any]:
+    return {name: getattr(sources, name) for name in FROM_SOURCES}
 
 
 def _change(family: Family, text: str) -> tuple[str, Any]:
     """A field of the family and its new value, from KEY=VALUE."""
-    name, equals, value = text.partition("=")
-    name = name.strip().replace("-", "_")
-    known = {field.name: get_type_hints(type(family))[field.name] for field in options(type(family))}
-    if not equals:
-        raise UsageError(f"--shift {text}: write KEY=VALUE, KEY one of {', '.join(sorted(known))}")
-    if name not in known:
-        raise UsageError(f"--shift {text}: {family.name} has no {name}; {nearest(name, sorted(known))}")
-    kinds = get_args(known[name]) or (known[name],)
-    for kind in (kind for kind in (int, float) if kind in kinds):
-        try:
-            return name, kind(value)
-        except ValueError as error:
-            raise UsageError(f"--shift {text}: {value!r} is no {kind.__name__}") from error
-    return name, value
+    try:
+        return setting(text, type(family), family.name)
+    except ValueError as error:
+        raise UsageError(f"--shift {text}: {error}") from error

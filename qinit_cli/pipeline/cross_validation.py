@@ -21,7 +21,8 @@ from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
-from qinit_cli.pipeline.transfer import learn_targets, learning_bytes
+from qinit_cli.pipeline.sources import by_learner, in_names
+from qinit_cli.pipeline.transfer import check_together, learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
 from qinit_cli.tasks import VALIDATION, TargetTasks
 from qinit_store.held import Held
@@ -68,20 +69,21 @@ def plan_for(source: Artefact, method: Method, values: Grid, validating: CrossVa
 def plan_of(source: Artefact, method: Method, validation: CrossValidation, values: Grid) -> Plan:
     """The artefact of how every candidate fares on every source."""
     family, tried = validation.targets.family, validation.candidates
+    learning = validation.targets.learning
     sources = SourcesSettings.read(source.spec)
     settings = TuningSettings.of(
         method, values, validation.targets, sources, source.content_sha256, source.task_count
     )
     return Plan(
-        stem=f"{family.label}-{method.name}-{source.task_count}",
+        stem=f"{family.label}-{method.name}{in_names(learning.learner.name)}-{source.task_count}",
         settings=settings,
         schema=tuning_schema(tuple(values), len(tried)),
         learn=validation,
-        kernel=f"{family.name} targets",
+        kernel=f"{family.name} targets{by_learner(learning)}",
         what=counted(len(tried), "candidate"),
         read=source if isinstance(source, Held) else source.path,
         inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
-        learning_bytes=learning_bytes(validation.targets.learning.episodes),
+        learning_bytes=learning_bytes(learning.episodes),
         statics=parameters_of(tried, tuple(values)),
     )
 
@@ -92,6 +94,7 @@ def cross_validation_of(
     """The learner, with a fit of all other sources for each fold."""
     family, fitting, settings = family_in(source), FitOptions(), SourcesSettings.read(source.spec)
     learning = validating.learning(family, settings.learning)
+    check_together(tried[0], learning.learner)
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(

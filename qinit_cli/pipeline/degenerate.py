@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
+from qinit_cli.schedules import Schedule
 from qinit_store.wording import counted, magnitude
 
 ALIKE = 1e-3  # relative: values that differ by less tell no state from another
@@ -59,7 +61,7 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
         return
     unmoved = list(_of_step_size(learning, found.steps))
     yield from unmoved
-    if learning.epsilon == 0:
+    if learning.epsilon == 0 and learning.learner.explores and isinstance(learning.explore, EpsilonGreedy):
         yield "with --epsilon 0 a source explores only until it first knows a way, and other states stay unknown"
     if found.error >= FAR and not unmoved:
         yield f"the sources are far from learned, by {found.error:.0%} in the median; ask for more --episodes"
@@ -129,11 +131,14 @@ def _of_values(gamma: float, least: float, largest: float) -> Iterator[str]:
 
 
 def _of_step_size(learning: Learning, steps: float) -> Iterator[str]:
+    learner = learning.learner
+    if isinstance(learning.alpha, Schedule) or not (learner.steps and learner.counts):
+        return
     moved = -math.expm1(steps * math.log1p(-learning.alpha)) if learning.alpha < 1 else 1.0
     if steps and moved < UNMOVED:
         yield (
             f"with --alpha {learning.alpha:g} the {magnitude(steps)} steps of a task move a value by no more than {moved:.2g} of "
             "the way to its target"
         )
-    if learning.alpha == 1:
+    if learning.alpha == 1 and learner.weighs:
         yield "with --alpha 1 a value is its last sample: where steps are a matter of chance it never settles"

@@ -82,7 +82,9 @@ class OptimalTables:
 
     def _learned(self) -> Floats:
         settings = replace(self.sources.learning, gamma=self.targets.learning.gamma)
-        tasks = SourceTasks(self.targets.family, "q-learning", settings, self.targets.seed, role="target")
+        tasks = SourceTasks(
+            self.targets.family, settings.learner.name, settings, self.targets.seed, role="target"
+        )
         self.reporter.note(
             f"optimal starts from tables of the targets themselves ({self.count}), learned as sources are",
         )

@@ -10,6 +10,9 @@ import numpy as np
 
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.errors import UsageError
+from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners import QLearner
+from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream, sequence
 from qinit_cli.tasks import SourceTasks
 
@@ -26,12 +29,12 @@ Rows = dict[str, Any]  # column name: array with a leading task axis
 
 def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     """The tasks that are asked for; UsageError where the family cannot be learned so."""
-    if sources.learner == "exact" and not family.tabular:
+    if sources.exact and not family.tabular:
         raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
     learning = sources.learning(type(family))
     if refusal := family.refusal(learning):
         raise UsageError(refusal)
-    return SourceTasks(family, sources.learner, learning, sources.seed)
+    return SourceTasks(family, "exact" if sources.exact else learning.learner.name, learning, sources.seed)
 
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:
@@ -42,13 +45,25 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
     return Plan(
-        stem=f"{tasks.family.label}{'-exact' if exact else ''}{role}-{count}-seed-{tasks.seed}",
+        stem=f"{tasks.family.label}{in_names(tasks.learner)}{role}-{count}-seed-{tasks.seed}",
         settings=SourcesSettings.of(tasks, count),
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
-        kernel=f"{tasks.family.name} {'exact tables' if exact else 'sources'}",
+        kernel=f"{tasks.family.name} {'exact tables' if exact else f'sources{by_learner(tasks.learning)}'}",
         what="sources" if tasks.role == "source" else "optimal tables",
     )
+
+
+def in_names(learner: str) -> str:
+    """The learner in an artefact's name: nothing where it is Q-learning."""
+    return "" if learner == QLearner.name else f"-{learner}"
+
+
+def by_learner(learning: Learning) -> str:
+    """The learner and the exploration in the name of compiled code: nothing for epsilon-greedy Q-learning."""
+    several = (learning.learner.name, learning.explore.name)
+    unusual = [name for name in several if name not in (QLearner.name, EpsilonGreedy.name)]
+    return f" by {', '.join(unusual)}" if unusual else ""
 
 
 def _schema(tasks: SourceTasks) -> Any:
@@ -99,19 +114,20 @@ def _exact(sources: SourceTasks, tasks: Tasks) -> Rows:
 
 
 def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch) -> Rows:
-    """What Q-learning alone leaves of these tasks, without path lengths; meaningless where not `finished`."""
+    """What learning alone leaves of these tasks, without path lengths; meaningless where not `finished`."""
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
-    family = sources.family
+    family, optimism = sources.family, sources.learning.learner.optimism
     worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
     batch = learn(
         worlds,
         sources.learning,
-        Start(np.zeros((worlds.states, worlds.actions))),
+        Start(np.full((worlds.states, worlds.actions), optimism)),
         LaneStreams(
             rng=lane_seeds(sequences(sources.seed, sources.streams.rng, indices)),
             starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
+            learner=seeds(sequences(sources.seed, sources.streams.learner, indices)),
         ),
         Records(sources.bins, visits=True, td_var=True),
         watch,

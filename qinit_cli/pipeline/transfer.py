@@ -10,8 +10,10 @@ import numpy as np
 
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import UsageError
+from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.methods import Initial, Method
-from qinit_cli.pipeline.sources import Rows, sequences, shaped
+from qinit_cli.pipeline.sources import Rows, by_learner, in_names, sequences, shaped
 from qinit_cli.tasks import TargetTasks
 
 if TYPE_CHECKING:
@@ -27,12 +29,18 @@ if TYPE_CHECKING:
 EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
 
 
-def targets_of(learning: LearningTargets, sources: SourcesSettings) -> tuple[TargetTasks, int]:
-    """The target tasks that are asked for, given the sources of a fit, and how many; NotAllowed where no run could hold them."""
+def targets_of(
+    method: Method, learning: LearningTargets, sources: SourcesSettings
+) -> tuple[TargetTasks, int]:
+    """The target tasks that are asked for, given the sources of a fit, and how many; NotAllowed where no run could hold them.
+
+    UsageError where they cannot be learned so from what the method starts them with.
+    """
     from qinit_cli.pipeline.room import Footprint, check_artefact
 
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
+    check_together(method, settings.learner)
     if refusal := family.refusal(settings):
         raise UsageError(refusal)
     targets = TargetTasks(
@@ -49,6 +57,24 @@ def targets_of(learning: LearningTargets, sources: SourcesSettings) -> tuple[Tar
     return targets, count
 
 
+def check_together(method: Method, learner: Learner) -> None:
+    """UsageError where the learner has no place for what the method brings beside a start table."""
+    if method.weighs and not learner.weighs:
+        raise UsageError(
+            f"{method.label} changes its start while a task is learned, as --learner {learner.name} does not allow; "
+            f"{_those('weighs')} do"
+        )
+    if method.shapes and not learner.shapes:
+        raise UsageError(
+            f"{method.label} shapes rewards, from which --learner {learner.name} does not learn; {_those('shapes')} do"
+        )
+
+
+def _those(what: str) -> str:
+    """The learners that are said to have something."""
+    return ", ".join(name for name, kind in LEARNERS.items() if getattr(kind, what))
+
+
 def learning_bytes(episodes: int) -> int:
     """Bytes in memory for the episodes of a task while it is learned: its steps and goals, 8 bytes each."""
     return 16 * episodes
@@ -56,7 +82,8 @@ def learning_bytes(episodes: int) -> int:
 
 def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
     """What the default name of a run begins with."""
-    return f"{targets.family.label}-{_in_a_name(method.label)}-{count}-seed-{targets.seed}"
+    learner = in_names(targets.learning.learner.name)
+    return f"{targets.family.label}-{_in_a_name(method.label)}{learner}-{count}-seed-{targets.seed}"
 
 
 def plan_of(
@@ -99,7 +126,8 @@ def _kernel(targets: TargetTasks, initial: Initial) -> str:
         "with evaluations": targets.evaluate_every > 0,
         "with weights": initial.hypothesis_count > 0,
     }
-    return ", ".join([f"{targets.family.name} targets", *(name for name, used in features.items() if used)])
+    first = f"{targets.family.name} targets{by_learner(targets.learning)}"
+    return ", ".join([first, *(name for name, used in features.items() if used)])
 
 
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
@@ -115,6 +143,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         start_per_task=initial.start_per_task,
         potential_per_task=initial.potential_per_task,
         exact_values=family.tabular,
+        attainable=isinstance(targets.learning.explore, EpsilonGreedy),
         evaluations=targets.evaluations,
         keep_q=targets.keep_q,
         updating=targets.keep_visits,
@@ -143,6 +172,7 @@ def learn_targets(
             starts=seeds(sequences(targets.seed, targets.streams.start, indices)),
             evaluation=seeds(sequences(targets.seed, targets.streams.evaluation, indices)),
             choices=seeds(sequences(targets.seed, targets.streams.choice, indices)),
+            learner=seeds(sequences(targets.seed, targets.streams.learner, indices)),
         ),
         Records(
             bins=learning.episodes,
@@ -162,7 +192,10 @@ def learn_targets(
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
         rows["v_star"] = family.start_value(exact)
-        rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
+        if isinstance(learning.explore, EpsilonGreedy):
+            rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
+        else:  # what other explorations are worth depends on all that was met before
+            rows["v_eps"] = np.full(len(exact), np.nan)
     if learned.evaluation_steps is not None and learned.evaluation_reached is not None:
         reached = learned.evaluation_reached[kept].astype(bool)
         rows["eval_return"] = discounted_returns(learned.evaluation_steps[kept], reached, learning.gamma)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,9 +89,11 @@ def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> li
 
 
 def _learned(settings: SourcesSettings) -> dict[str, Any]:
-    from qinit_cli.artefacts.settings import plain_learning
+    from qinit_cli.artefacts.settings import OF_EXACT
 
-    return {"learner": settings.learner, **plain_learning(settings.learning, settings.learner)}
+    exact = settings.learner == "exact"
+    told = [one.name for one in fields(settings.learning) if one.name in OF_EXACT or not exact]
+    return {"learner": settings.learner} | {name: getattr(settings.learning, name) for name in told}
 
 
 def _unseen(
