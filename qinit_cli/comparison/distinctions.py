@@ -152,7 +152,8 @@ def _of_sources(fitted: SourceSet, targets: StoredFamily) -> Words:
         found[f"{within} {key}"] = f"{THEIRS}{word}"
     for name, value in shared.items():
         if name not in APART:
-            theirs = THEIRS if name == "seed" else ""
+            # targets have seeds and learners of their own, but for the exact one
+            theirs = THEIRS if name in ("seed", "learner") and value != "exact" else ""
             word = _word("sources" if name == "tasks" else name, value, counted=name == "tasks")
             found[f"{within} {name}"] = theirs + word
     return found

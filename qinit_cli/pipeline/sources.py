@@ -13,6 +13,7 @@ from qinit_cli.errors import UsageError
 from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learners import QLearner
 from qinit_cli.learning import Learning
+from qinit_cli.schedules import Schedule
 from qinit_cli.seeding import Stream, sequence
 from qinit_cli.tasks import SourceTasks
 
@@ -60,9 +61,11 @@ def in_names(learner: str) -> str:
 
 
 def by_learner(learning: Learning) -> str:
-    """The learner and the exploration in the name of compiled code: nothing for epsilon-greedy Q-learning."""
+    """Learner, exploration and schedules in the name of compiled code: nothing for epsilon-greedy Q-learning by numbers."""
     several = (learning.learner.name, learning.explore.name)
     unusual = [name for name in several if name not in (QLearner.name, EpsilonGreedy.name)]
+    scheduled = {"alpha": learning.alpha, "epsilon": learning.epsilon}
+    unusual += [f"{one.name} {name}" for name, one in scheduled.items() if isinstance(one, Schedule)]
     return f" by {', '.join(unusual)}" if unusual else ""
 
 

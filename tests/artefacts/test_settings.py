@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -21,9 +22,14 @@ from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed
+from qinit_cli.exploration import EXPLORATIONS, Boltzmann
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners import LEARNERS
+from qinit_cli.learners.traces import QLambda, SarsaLambda
+from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.logqinit_median import LogQInitMedian
+from qinit_cli.schedules import ByVisits, Exponential, Linear
 from qinit_cli.tasks import SourceTasks, TargetTasks
 
 SOURCES = SourceTasks(Gridworld(), "q-learning", Gridworld.source_learning, 0)
@@ -190,3 +196,70 @@ def test_families_but_gymnasium_have_the_version_of_all() -> None:
     versions = {name: settings._algorithm(family) for name, family in FAMILIES.items()}
     assert versions.pop("gym") == 2
     assert set(versions.values()) == {settings.ALGORITHM} == {1}
+
+
+LEARNED = [
+    *(replace(SOURCES.learning, learner=kind()) for kind in LEARNERS.values() if kind.learns),
+    *(replace(SOURCES.learning, explore=kind()) for kind in EXPLORATIONS.values()),
+    replace(SOURCES.learning, learner=SarsaLambda(0.8, "accumulating", 0.01), explore=Boltzmann(0.2)),
+    replace(SOURCES.learning, alpha=ByVisits(0.7), epsilon=Linear(1.0, 0.1, 50)),
+    replace(SOURCES.learning, alpha=Exponential(0.5, 0.999, 0.01)),
+]
+
+
+@pytest.mark.parametrize("learning", LEARNED, ids=str)
+def test_a_way_of_learning_survives_being_stored_in_every_kind(learning: Learning) -> None:
+    sources = SourcesSettings.of(replace(SOURCES, learner=learning.learner.name, learning=learning), 10)
+    fit = FitSettings.of(sources, HASH, FitOptions())
+    run = RunSettings.of(LogQInitMedian(), replace(TARGETS, learning=learning), 10, HASH, fit)
+    tuning = TuningSettings.of(METHODS["ucoi"](), {"kappa": (1.0,)}, TARGETS, sources, HASH, 10)
+    for made in (sources, fit, run, tuning):
+        read = type(made).read(json.loads(json.dumps(made.spec())))  # type: ignore[attr-defined]  # of each kind
+        assert read == made
+        assert read.spec() == made.spec()
+    assert SourcesSettings.read(sources.spec()).learning == learning
+
+
+def test_what_is_as_it_always_was_stands_in_no_settings() -> None:
+    usual = {"alpha", "gamma", "epsilon", "episodes", "horizon", "start"}
+    assert set(SourcesSettings.of(SOURCES, 10).spec()["learning"]) == usual
+    other = replace(SOURCES.learning, learner=QLambda(), explore=Boltzmann(), alpha=ByVisits(1.0))
+    told = settings.plain_learning(other)
+    assert told["learner"] == {"name": "q-lambda", "lambda": 0.9, "traces": "replacing", "least": 0.001}
+    assert told["explore"] == {"name": "boltzmann", "temperature": 0.01}
+    assert (told["alpha"], told["epsilon"]) == ("visits:1.0", 0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "clause"),
+    [
+        ({"learner": {"name": "q-lambda", "lambda": 2}}, "q-lambda cannot be so: --lambda is 2"),
+        ({"learner": {"name": "q-lambda", "lambda_": 0.5}}, "'lambda_' in q-lambda is no setting of this version"),
+        ({"learner": {"name": "sarsa", "lambda": 0.5}}, "'lambda' in sarsa is no setting of this version"),
+        ({"learner": {}}, "the learner lacks its name"),
+        ({"learner": "sarsa"}, "the learner is 'sarsa', which are no settings"),
+        ({"explore": {"name": "softly"}}, "the exploration is 'softly'; it is one of epsilon-greedy, "),
+        ({"alpha": "0.1"}, "alpha is '0.1' in learning, no schedule"),
+        ({"alpha": "linear:1:0:9"}, "alpha is 'linear:1:0:9' in learning, no schedule"),
+        ({"alpha": "visits:2.0"}, "takes a power above 0 and at most 1"),
+        ({"epsilon": "visits:1.0"}, "learning cannot be so: epsilon is visits:1.0"),
+        ({"learner": {"name": "sarsa"}}, "the learner is 'q-learning', and learning is by sarsa"),
+    ],
+)  # fmt: skip
+def test_a_way_of_learning_that_cannot_be_is_refused_in_one_clause(
+    changes: dict[str, Any], clause: str
+) -> None:
+    told = SourcesSettings.of(SOURCES, 10).spec()
+    told["learning"] |= changes
+    with pytest.raises(ValueError, match=re.escape(clause)):
+        SourcesSettings.read(told)
+
+
+def test_a_learner_that_is_not_installed_keeps_its_settings_and_learns_nothing() -> None:
+    told = RunSettings.of(METHODS["zero"](), TARGETS, 10, HASH, FITTED).spec()
+    told["learning"]["learner"] = {"name": "speedy", "speed": 3}
+    read = RunSettings.read(json.loads(json.dumps(told)))
+    assert read.spec() == told
+    assert str(read.learning.learner) == "speedy:speed=3"
+    with pytest.raises(NotAllowed, match="the learner speedy is not installed here; known are q-learning, "):
+        read.learning.learner.kernel(read.learning, None)

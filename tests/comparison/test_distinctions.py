@@ -21,19 +21,24 @@ from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import grouped, told_of_groups
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners.one_step import Sarsa
+from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.methods import METHODS
+from qinit_cli.schedules import ByVisits, Linear
 from qinit_cli.tasks import SourceTasks, TargetTasks
 
 HASH = re.compile(r"[0-9a-f]{8}")
 WORLD = Gridworld(size=6, variance=2)
 
 
-def _sources(
-    family: Any = WORLD, learner: str = "q-learning", seed: int = 0, tasks: int = 4, **learning: Any
-) -> Any:
+def _sources(family: Any = WORLD, learner: Any = None, seed: int = 0, tasks: int = 4, **learning: Any) -> Any:
     how = replace(family.source_learning, **learning)
-    return SourcesSettings.of(SourceTasks(family, learner, how, seed=seed), tasks)
+    if learner == "exact":
+        return SourcesSettings.of(SourceTasks(family, "exact", how, seed=seed), tasks)
+    how = replace(how, learner=learner or how.learner)
+    return SourcesSettings.of(SourceTasks(family, how.learner.name, how, seed=seed), tasks)
 
 
 def _run(
@@ -77,6 +82,14 @@ def _run(
         (_sources(seed=3), _sources(seed=4), ["seed 3", "seed 4"]),
         (_sources(tasks=10), _sources(tasks=20), ["10 sources", "20 sources"]),
         (_sources(epsilon=0.1), _sources(epsilon=0.2), ["epsilon 0.1", "epsilon 0.2"]),
+        (_sources(), _sources(learner=Sarsa()), ["q-learning", "sarsa"]),
+        (_sources(learner=Sarsa()), _sources(learner="exact"), ["sarsa", "exact"]),
+        (_sources(learner=SarsaLambda(0.5)), _sources(learner=SarsaLambda(0.8)), ["lambda 0.5", "lambda 0.8"]),
+        (_sources(alpha=ByVisits(1.0)), _sources(), ["alpha visits:1.0", "alpha 0.1"]),
+        (_run(learner=Sarsa()).settings, _run().settings, ["sarsa", "q-learning"]),
+        (_run(explore=Ucb(), epsilon=0.0).settings, _run().settings, ["ucb", "epsilon-greedy"]),
+        (_run(explore=Ucb(0.5)).settings, _run(explore=Ucb(0.2)).settings, ["c 0.5", "c 0.2"]),
+        (_run(sources=_sources(learner=Sarsa())).settings, _run().settings, ["sources' sarsa", "sources' q-learning"]),
         (_sources(), _sources(), ["", ""]),
         (_sources(), _sources(MountainCar()), ["", ""]),  # of two families nothing is compared: their names differ
         (_sources(Gridworld(p_low=0.4)), _sources(Gridworld(p_low=0.6)), ["", ""]),  # their labels tell it
@@ -103,6 +116,10 @@ def test_the_words_are_the_settings_that_differ(one: Any, other: Any, words: lis
         ({"seed": 3}, {"seed": 4}),
         ({"epsilon": 0.1}, {"epsilon": 0.2}),
         ({"alpha": 0.1}, {"alpha": 0.2}),
+        ({"alpha": Linear(0.5, 0.1, 9)}, {"alpha": Linear(0.5, 0.1, 8)}),
+        ({"learner": Sarsa()}, {}),
+        ({"learner": SarsaLambda(0.5)}, {"learner": SarsaLambda()}),
+        ({"explore": Boltzmann(), "epsilon": 0.0}, {"epsilon": 0.0}),
         ({"horizon": 30}, {"horizon": 40}),
         ({"start": "anywhere"}, {"start": "fixed"}),
         ({"tasks": 4}, {"tasks": 5}),
@@ -140,7 +157,7 @@ def test_a_method_that_reads_no_sources_is_not_told_apart_by_them() -> None:
     [comparison] = compare(
         [_run("zero"), _run("zero", sources=exact), _run(), _run(sources=exact)], "", "return"
     )
-    assert [row.label for row in comparison.rows] == ["zero", "mean, q-learning", "mean, exact"]
+    assert [row.label for row in comparison.rows] == ["zero", "mean, sources' q-learning", "mean, exact"]
 
 
 def test_the_first_targets_of_a_longer_run_are_not_told_by_how_many_it_had() -> None:

@@ -12,9 +12,13 @@ import numpy as np
 import pytest
 
 from qinit_cli.commands.train_sources import _told
+from qinit_cli.exploration import Boltzmann
+from qinit_cli.learners.one_step import DoubleQ
+from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learning import Learning
 from qinit_cli.pipeline.degenerate import SourcesLearned, TargetsLearned, of_fit, of_sources, of_targets
 from qinit_cli.pipeline.source_findings import LearnedSources
+from qinit_cli.schedules import Linear
 
 LEARNING = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=100, horizon=50, start="fixed")
 SOUND = SourcesLearned(
@@ -166,3 +170,18 @@ def test_every_stage_warns_on_stderr_and_in_json(here: Callable[..., Any]) -> No
     )
     assert "no source met the goal in 2 episodes of --horizon 1" in unmet[0]
     assert "no source has a value above 0" in warnings("fit", "none.h5")[0]
+
+
+@pytest.mark.parametrize(
+    "learning",
+    [
+        {"alpha": Linear(1.0, 1e-9, 10)},  # its step size is no number
+        {"alpha": 1e-9, "learner": RMax()},  # it has none
+        {"alpha": 1.0, "learner": DoubleQ()},  # two last samples
+        {"epsilon": 0.0, "learner": DelayedQ()},  # it explores by its start
+        {"epsilon": 0.0, "explore": Boltzmann()},
+        {"epsilon": Linear(1.0, 0.0, 10)},
+    ],
+)
+def test_no_warning_is_given_that_another_learner_makes_untrue(learning: dict[str, Any]) -> None:
+    assert sources(learning=learning) == targets(learning=learning) == []
