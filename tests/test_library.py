@@ -21,8 +21,10 @@ import qinit_cli as qinit
 from qinit_cli import library
 from qinit_cli.environments import FAMILIES
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
+from qinit_cli.exploration import Ucb
 from qinit_cli.methods import METHODS
 from qinit_cli.options import tunable
+from qinit_cli.schedules import Linear
 from qinit_store.errors import NotFound
 
 FAMILY = {
@@ -98,6 +100,40 @@ def test_a_lifetime_and_a_tuning_are_those_of_the_command(
     tuned = qinit.tune(name, sources, episodes=4)
     assert tuned.digest == digest(here("tune", name, "s.h5", "--episodes", 4, "--json"))
     assert set(tuned.choice) == set(tunable(METHODS[name]))
+
+
+def test_learners_explorations_and_schedules_are_those_of_the_command(here: Callable[..., Ended]) -> None:
+    family = qinit.families.gridworld(size=5, variance=2)
+    sources = qinit.train_sources(family, tasks=12, episodes=9, learner=qinit.learners.r_max(known=3))
+    words = ("train-sources", "gridworld", *WORDS["gridworld"], "--tasks", 12, "--episodes", 9)
+    assert digest(here(*words, "--learner", "r-max:known=3", "-o", "s.h5", "--json")) == sources.digest
+    assert sources.settings["learning"]["learner"]["known"] == 3
+    assert "-r-max-" in sources.name
+    unknown = sources["visits"] < 3  # which hold what they began as
+    assert unknown.any()
+    assert (sources["q"][unknown] == 1).all()
+    assert (sources["q"][~unknown] < 1).any()
+    fit = qinit.fit(sources)
+    here("fit", "s.h5", "-o", "f.h5")
+    how: dict[str, Any] = {
+        "learner": "sarsa-lambda:lambda=0.8",
+        "explore": Ucb(0.2),
+        "alpha": Linear(1, 0.1, 3),
+    }
+    run = qinit.transfer("mean", fit, tasks=3, episodes=6, **how)
+    typed = ("--learner", "sarsa-lambda:lambda=0.8", "--explore", "ucb:c=0.2", "--alpha", "linear:1:0.1:3")
+    command = ("transfer", "mean", "f.h5", "--tasks", 3, "--episodes", 6, *typed)
+    assert digest(here(*command, "-o", "r.h5", "--json")) == run.digest
+    assert qinit.lifelong("mean", fit, tasks=3, episodes=6, **how).digest == run.digest
+    tuned = qinit.tune("ucoi", sources, grid={"kappa": [1.0]}, episodes=4, **how)
+    assert tuned.digest == digest(
+        here("tune", "ucoi", "s.h5", "--kappa", 1, "--episodes", 4, *typed, "--json")
+    )
+    assert np.isnan(run["v_eps"]).all()  # what UCB comes to is unknown
+    assert here("show", "r.h5", "--json").json["numbers"]["v_eps"] is None
+    assert here("verify", "r.h5").code == 0
+    [row] = qinit.compare([run], baseline=run.name).rows
+    assert row["regret"] is None
 
 
 def test_a_store_holds_the_artefact_that_memory_holds_and_the_command_goes_on_with(

@@ -84,7 +84,7 @@ def _plain(value: Any) -> str:
 
 def _number(value: Any) -> str:
     if value is None:
-        return "none"
+        return "unknown"
     return (
         f"{value:.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
     )

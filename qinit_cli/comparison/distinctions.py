@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.exploration import EpsilonGreedy
-from qinit_cli.learners import QLearner
+from qinit_cli.learners import LEARNERS, QLearner
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Settings, SourceSet, StoredFamily
@@ -122,16 +122,17 @@ def _own(plain: Spec, family: StoredFamily | None, *, labelled: bool) -> Iterato
 def _learned(plain: Spec) -> Iterator[tuple[str, str]]:
     """How tasks are learned, with learner and exploration though they be the usual ones, which are not stored.
 
-    Where steps explore by another rule, epsilon means nothing.
+    Where steps explore by another rule epsilon means nothing, and to some learners alpha.
     """
     learning = plain.get("learning", {})
-    if not learning or plain.get("learner") == "exact":
-        several = learning
-    else:
-        several = {"learner": {"name": QLearner.name}, "explore": {"name": EpsilonGreedy.name}} | learning
-    for name, value in _flat(several):
+    idle = {"epsilon"} if "explore" in learning else set()
+    if learning and plain.get("learner") != "exact":
+        learning = {"learner": {"name": QLearner.name}, "explore": {"name": EpsilonGreedy.name}} | learning
+        kind = LEARNERS.get(learning["learner"]["name"])
+        idle |= set() if kind is None or kind.steps else {"alpha"}
+    for name, value in _flat(learning):
         first, _, option = name.partition(" ")
-        if name != "epsilon" or "explore" not in learning:
+        if name not in idle:
             yield f"learning {name}", _word(option or first, value)
 
 

@@ -93,6 +93,8 @@ def _flat(settings: Spec, above: str = "") -> Words:
             found[name.removesuffix(" name") if above else name] = (
                 ", ".join(map(setting, value)) if isinstance(value, list) else setting(value)
             )
+    if found.get("learning learner") == found.get("learner"):  # of sources, by name, and again with its options
+        found.pop("learning learner", None)
     return found
 
 
