@@ -225,7 +225,12 @@ def test_what_is_as_it_always_was_stands_in_no_settings() -> None:
     assert set(SourcesSettings.of(SOURCES, 10).spec()["learning"]) == usual
     other = replace(SOURCES.learning, learner=QLambda(), explore=Boltzmann(), alpha=ByVisits(1.0))
     told = settings.plain_learning(other)
-    assert told["learner"] == {"name": "q-lambda", "lambda": 0.9, "traces": "replacing", "least": 0.001}
+    assert told["learner"] == {
+        "name": "q-lambda",
+        "lambda": 0.9,
+        "traces": "replacing",
+        "least": QLambda().least,
+    }
     assert told["explore"] == {"name": "boltzmann", "temperature": 0.01}
     assert (told["alpha"], told["epsilon"]) == ("visits:1.0", 0.5)
 
