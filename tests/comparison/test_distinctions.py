@@ -24,6 +24,7 @@ from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners.one_step import Sarsa
+from qinit_cli.learners.optimistic import RMax
 from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.methods import METHODS
 from qinit_cli.schedules import ByVisits, Linear
@@ -87,6 +88,7 @@ def _run(
         (_sources(learner=SarsaLambda(0.5)), _sources(learner=SarsaLambda(0.8)), ["lambda 0.5", "lambda 0.8"]),
         (_sources(alpha=ByVisits(1.0)), _sources(), ["alpha visits:1.0", "alpha 0.1"]),
         (_run(learner=Sarsa()).settings, _run().settings, ["sarsa", "q-learning"]),
+        (_run(learner=RMax(), alpha=0.3).settings, _run().settings, ["r-max", "q-learning"]),
         (_run(explore=Ucb(), epsilon=0.0).settings, _run().settings, ["ucb", "epsilon-greedy"]),
         (_run(explore=Ucb(0.5)).settings, _run(explore=Ucb(0.2)).settings, ["c 0.5", "c 0.2"]),
         (_run(sources=_sources(learner=Sarsa())).settings, _run().settings, ["sources' sarsa", "sources' q-learning"]),

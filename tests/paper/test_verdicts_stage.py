@@ -15,10 +15,13 @@ from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, So
 from qinit_cli.claims.setting import GRIDWORLD
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.exploration import Ucb
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.methods import METHODS
 from qinit_cli.paper import settings as paper_settings
 from qinit_cli.paper.verdicts import evidence, verdicts
+from qinit_cli.schedules import Linear
 from qinit_cli.tasks import SourceTasks, TargetTasks
 from qinit_store.reading import Artefact, open_artefact
 
@@ -140,6 +143,11 @@ def test_the_papers_settings_differ_in_nothing(family: Any, distribution: str) -
         (_sources(Gridworld(), "exact"), "exact sources", True),
         (_sources(Gridworld(), gamma=0.9, horizon=500), "gamma 0.9, horizon 500", True),
         (_sources(Gridworld(), episodes=10), "episodes 10", False),
+        (
+            _sources(Gridworld(), alpha=Linear(1.0, 0.1, 9), explore=Ucb(0.2)),
+            "alpha linear:1.0:0.1:9, explore ucb:c=0.2",
+            True,
+        ),
         (_sources(Gridworld(), count=30), "source tasks 30", False),
         (_sources(Gridworld(), count=300), "source tasks 300", True),
         (_sources(Gridworld(size=10)), "size 10", False),
@@ -165,6 +173,8 @@ def test_a_run_tells_what_differs_in_its_sources_its_fit_and_its_targets() -> No
     run, sources = _run(Gridworld(), _sources(Gridworld(), gamma=0.9), gamma=0.9, epsilon=0.2)
     assert paper_settings.of_run(run, sources).variant == "gamma 0.9, estimator umvue, target epsilon 0.2"
     assert paper_settings.of_run(run, None).variant == "target gamma 0.9, target epsilon 0.2"
+    run, sources = _run(Gridworld(), _sources(Gridworld()), learner=SarsaLambda(0.5))
+    assert paper_settings.of_run(run, None).variant == "target learner sarsa-lambda:lambda=0.5"
 
 
 def test_a_shifted_run_tells_where_its_sources_come_from() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,9 +15,11 @@ from qinit_cli.artefacts.settings import (
     StoredMethod,
 )
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.learning import Learning
 from qinit_cli.report import comparison, judged, numbers, origin, settings
 from qinit_cli.report.content import Block, Folded, Judgement, Pairs, Points, Subheading, Table
+from qinit_cli.schedules import ByVisits
 
 MINUS = "\N{MINUS SIGN}"
 
@@ -222,6 +225,18 @@ def test_shared_settings_are_listed_once_under_the_names_of_their_options() -> N
         "tasks": "100",
         "seed": "0 to 2, 5",
     }
+
+
+def test_a_learner_is_told_once_with_its_options() -> None:
+    learning = replace(LEARNING, learner=SarsaLambda(0.5), alpha=ByVisits(1.0))
+    exact = sources(7, 0)
+    [pairs] = told(settings.blocks([replace(exact, learner="sarsa-lambda", learning=learning)]))[
+        "Source tasks"
+    ]
+    assert isinstance(pairs, Pairs)
+    found = dict(pairs.pairs)
+    assert [name for name in found if name.endswith("learner")] == ["learner"]
+    assert (found["learner"], found["lambda"], found["alpha"]) == ("sarsa-lambda", "0.5", "visits:1.0")
 
 
 def test_a_single_setting_that_differs_joins_the_list() -> None:
