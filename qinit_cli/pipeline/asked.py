@@ -28,7 +28,7 @@ EXPLORE = option(
 )
 ALPHA = option(
     None,
-    f"Step size, or a schedule: {BY_EPISODE}, or {ByVisits.form}.",
+    f"Step size, or a schedule: {Linear.form}, {Exponential.form} or {ByVisits.form}.",
     above=0,
     high=1,
     metavar="NUMBER|SCHEDULE",
@@ -239,7 +239,7 @@ def _learning(usual: Learning, inherited: dict[str, Any], asked: Any) -> Learnin
     if isinstance(found.alpha, ByVisits) and not learner.counts:
         raise UsageError(
             f"--learner {learner} updates many state-actions at once, so alpha cannot be {found.alpha}; give --alpha a "
-            f"number, {BY_EPISODE}"
+            f"number or {BY_EPISODE}"
         )
     return found
 
