@@ -150,11 +150,15 @@ def _named(hint: Any) -> str:
         NoneType: "nothing",
     }
     parts = get_args(hint) if get_origin(hint) in UNIONS else (hint,)
-    classes = {part: f"a {part.__name__}" for part in parts if isinstance(part, type)}
+    classes = {part: f"{_article(part.__name__)} {part.__name__}" for part in parts if isinstance(part, type)}
     return " or ".join(
         (classes | names).get(part, "a list of texts" if get_origin(part) is list else "a text")
         for part in parts
     )
+
+
+def _article(noun: str) -> str:
+    return "an" if noun[0] in "AEIOU" else "a"
 
 
 def _choices(hint: Any) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ class Learner:
     """The neutral learner; subclasses replace what differs."""
 
     name: ClassVar[str]
-    counts: ClassVar[bool] = True  # whether a step changes one value alone, so that its updates can be counted
+    counts: ClassVar[bool] = True  # whether a step changes one value alone: its updates can be counted
     steps: ClassVar[bool] = True  # whether it has a step size
     weighs: ClassVar[bool] = (
         True  # whether (1 - alpha)^n of its start is left after n updates: the posterior can move it

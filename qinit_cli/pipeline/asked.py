@@ -16,6 +16,7 @@ from qinit_cli.options import check, flag, option
 from qinit_cli.schedules import ByVisits, Exponential, Linear, Schedule, schedule
 from qinit_cli.spelling import read, setting
 
+SETTINGS = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start", "explore")
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
 BY_EPISODE = f"{Linear.form} or {Exponential.form}"
 TYPED = "NAME[:KEY=VALUE,...]"
@@ -215,9 +216,6 @@ def _read(asked: Any, *also: str) -> None:
                 object.__setattr__(asked, name, reader(text))
             except ValueError as error:
                 raise ValueError(f"{flag(name)} {error}") from error
-
-
-SETTINGS = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start", "explore")
 
 
 def _learning(usual: Learning, inherited: dict[str, Any], asked: Any) -> Learning:

@@ -93,7 +93,8 @@ def _flat(settings: Spec, above: str = "") -> Words:
             found[name.removesuffix(" name") if above else name] = (
                 ", ".join(map(setting, value)) if isinstance(value, list) else setting(value)
             )
-    if found.get("learning learner") == found.get("learner"):  # of sources, by name, and again with its options
+    # sources have their learner by name, and again with its options
+    if found.get("learning learner") == found.get("learner"):
         found.pop("learning learner", None)
     return found
 

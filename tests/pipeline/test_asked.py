@@ -108,6 +108,7 @@ def test_traces_are_refused_where_the_sources_hand_down_a_step_size_by_visits() 
         ({"learner": "exakt"}, "--learner is 'exakt'; did you mean exact?"),
         ({"learner": "exact", "explore": "ucb"}, "the exact learner has no episodes, so --explore means nothing"),
         ({"learner": 5}, "--learner is 5; it must be a text or a Learner"),
+        ({"explore": 5}, "--explore is 5; it must be a text or an Exploration or nothing"),
         ({"alpha": "fast"}, "--alpha 'fast' is no number, and no schedule: linear:FROM:TO:EPISODES, "),
         ({"alpha": "linear:1:x:3"}, "--alpha 'x' in 'linear:1:x:3' is no number"),
         ({"alpha": "2"}, "--alpha is 2.0; it must be above 0 and at most 1"),
