@@ -114,14 +114,14 @@ def _rate_of_update(rate, lane, pair, episode):
 
 
 class Step(NamedTuple):
-    """A step that is learned from."""
+    """A step that is learned from; whole numbers."""
 
-    lane: int
-    state: int
-    action: int
-    after: int  # the row it led to: a state, or S for the goal, S + 1 for being lost
-    following: int  # the action after it where the learner waits for that; -1: none follows
-    episode: int
+    lane: Any
+    state: Any
+    action: Any
+    after: Any  # the row it led to: a state, or S for the goal, S + 1 for being lost
+    following: Any  # the action after it where the learner waits for that; -1: none follows
+    episode: Any
 
 
 @part

@@ -44,7 +44,6 @@ from qinit_cli.kernels.worlds import (
     start_of,
     step_of,
 )
-from qinit_cli.learners import Learner
 from qinit_cli.learning import Learning
 
 # by a number of eight bits: its lowest that is 1
@@ -77,7 +76,7 @@ class SteppedWorlds:
 
 
 @cache
-def compiled_loop(world: type[Any], learner: type[Learner]) -> Function:
+def compiled_loop(world: Any, learner: Any) -> Function:
     """`advance` for worlds and learners of these classes."""
     loop: Function = kept_with((world.__module__, learner.__module__), advance)
     return loop
