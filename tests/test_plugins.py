@@ -294,6 +294,20 @@ def test_the_contract_tests_ask_whoever_is_installed(site: Path, tmp_path: Path)
     )
 
 
+def test_a_learner_of_a_plug_in_learns_in_our_worlds_as_in_its_own(made: Made) -> None:
+    def learned(fit: str, learner: str) -> Any:
+        few = ("--tasks", "3", "--episodes", "40", "--learner", learner)
+        run = made.with_it("transfer", "zero", fit, *few).stdout.strip()
+        return made.with_it("export", run, "--to", "csv", "--what", "episodes").stdout
+
+    exact = ("--size", "4", "--tasks", "3", "--learner", "exact")
+    grid = made.with_it("fit", made.with_it("train-sources", "gridworld", *exact).stdout.strip())
+    for fit in (made.fit, grid.stdout.strip()):
+        usual = learned(fit, "q-learning")
+        assert learned(fit, "mellow:share=0") == usual != ""
+        assert learned(fit, "mellow") not in ("", usual)
+
+
 def test_the_page_about_plug_ins_shows_the_example_as_it_is() -> None:
     page = (ROOT / "docs" / "plugins.md").read_text()
     shown = re.findall(r"^```(?:python|toml)\n(.*?)\n```$", page, re.MULTILINE | re.DOTALL)
@@ -301,5 +315,5 @@ def test_the_page_about_plug_ins_shows_the_example_as_it_is() -> None:
         path.read_text().rstrip()
         for path in (EXAMPLE / "pyproject.toml", *EXAMPLE.rglob("qinit_corridor/*.py"))
     ]
-    assert len(shown) == 6
+    assert len(shown) == 8
     assert [block for block in shown if block not in files] == []

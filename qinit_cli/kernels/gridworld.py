@@ -80,7 +80,7 @@ class Gridworlds:
             start=self.start,
             lane_goal=np.zeros(lanes, np.uint32),
         )
-        return compiled_loop(CellWorld, learning.learner.__class__), world
+        return compiled_loop(CellWorld, learning), world
 
 
 def neighbours(size: int) -> NDArray[np.uint32]:

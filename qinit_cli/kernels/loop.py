@@ -72,12 +72,17 @@ class SteppedWorlds:
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, Any]:
         """The compiled loop and the world it takes."""
         world: Any = self.world
-        return compiled_loop(world.__class__, learning.learner.__class__), world
+        return compiled_loop(world.__class__, learning), world
+
+
+def compiled_loop(world: Any, learning: Learning) -> Function:
+    """`advance` for worlds of that class, learned so."""
+    learner: Any = learning.learner.__class__
+    return _loop_for(world, learner)
 
 
 @cache
-def compiled_loop(world: Any, learner: Any) -> Function:
-    """`advance` for worlds and learners of these classes."""
+def _loop_for(world: Any, learner: Any) -> Function:
     loop: Function = kept_with((world.__module__, learner.__module__), advance)
     return loop
 

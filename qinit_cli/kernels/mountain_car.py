@@ -100,7 +100,7 @@ class MountainCars:
             lane_eta=np.zeros(lanes),
             gusts=np.zeros(lanes * BLOCK) if self.noise > 0 else None,
         )
-        return compiled_loop(CarWorld, learning.learner.__class__), world
+        return compiled_loop(CarWorld, learning), world
 
 
 @inlined

@@ -96,7 +96,7 @@ class PythonWorlds:
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
 
-        advance = compiled_loop(PythonWorld, learning.learner.__class__)
+        advance = compiled_loop(PythonWorld, learning)
 
         def raising(blocks: int, *arguments: Any) -> None:
             advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait

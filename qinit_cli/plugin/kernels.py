@@ -1,7 +1,21 @@
-"""What a plug-in imports inside its functions: arrays, axes, and a compiled step of its own; imports numpy and Numba."""
+"""What a plug-in imports inside its functions: arrays, axes, and what compiles its steps and updates; imports numpy and Numba."""
 
 from qinit_cli.kernels.compiled import compiled, inlined
+from qinit_cli.kernels.learner import (
+    Batch,
+    arrive,
+    begin_task,
+    chose,
+    end_learning,
+    is_state,
+    learn_towards,
+    put_value,
+    update,
+    value,
+    worth,
+)
 from qinit_cli.kernels.loop import SteppedWorlds
+from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.kernels.random_streams import below, seeds, unit
 from qinit_cli.kernels.tables import Tables
@@ -13,15 +27,27 @@ __all__ = [
     "GOAL",
     "LOST",
     "Axis",
+    "Batch",
     "Column",
     "Policies",
     "SteppedWorlds",
     "Tables",
+    "arrive",
+    "begin_task",
     "below",
+    "body",
+    "chose",
     "compiled",
+    "end_learning",
     "inlined",
+    "is_state",
+    "learn_towards",
+    "put_value",
     "seeds",
     "starts",
     "steps",
     "unit",
+    "update",
+    "value",
+    "worth",
 ]
