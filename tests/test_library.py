@@ -126,9 +126,10 @@ def test_learners_explorations_and_schedules_are_those_of_the_command(here: Call
     assert digest(here(*command, "-o", "r.h5", "--json")) == run.digest
     assert qinit.lifelong("mean", fit, tasks=3, episodes=6, **how).digest == run.digest
     tuned = qinit.tune("ucoi", sources, grid={"kappa": [1.0]}, episodes=4, **how)
-    assert tuned.digest == digest(
-        here("tune", "ucoi", "s.h5", "--kappa", 1, "--episodes", 4, *typed, "--json")
-    )
+    ended = here("tune", "ucoi", "s.h5", "--kappa", 1, "--episodes", 4, *typed, "--json")
+    assert tuned.digest == digest(ended)
+    asked = "--learner sarsa-lambda:lambda=0.8 --explore ucb:c=0.2 takes it"  # as it was tuned
+    assert asked in " ".join(ended.err.split())
     assert np.isnan(run["v_eps"]).all()  # what UCB comes to is unknown
     assert here("show", "r.h5", "--json").json["numbers"]["v_eps"] is None
     assert here("verify", "r.h5").code == 0

@@ -13,6 +13,9 @@ import numpy as np
 
 from qinit_cli.analysis.intervals import Estimate, over_targets
 from qinit_cli.artefacts.settings import TuningSettings
+from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners import QLearner
+from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
 from qinit_cli.options import flag, options
 from qinit_cli.seeding import Stream, generator
@@ -81,6 +84,9 @@ class Choice:
     worth: Estimate  # what choosing gains on sources that had no part in the choice, to the default
     # the parameters of the chosen one beyond which nothing was tried, though there is more
     edges: dict[str, End]
+    how: tuple[
+        str, ...
+    ] = ()  # options of transfer that learn as the sources were learned, where these are not usual
 
     @classmethod
     def of(cls, artefact: Artefact) -> Choice:
@@ -97,6 +103,7 @@ class Choice:
             candidates=found,
             worth=worth(average, seed),
             edges=edges(method.name, found, grid),
+            how=_how(settings.learning),
         )
 
     @property
@@ -165,6 +172,11 @@ def row(one: Candidate) -> dict[str, Any]:
     }
 
 
+def _how(learning: Learning) -> tuple[str, ...]:
+    learner = () if learning.learner == QLearner() else ("--learner", str(learning.learner))
+    return learner if learning.explore == EpsilonGreedy() else (*learner, "--explore", str(learning.explore))
+
+
 def sentences(choice: Choice, path: Path) -> list[str]:
     """What was chosen, what choosing is worth, and where values beyond those tried may be better."""
     best, worth = choice.chosen, choice.worth
@@ -182,8 +194,9 @@ def sentences(choice: Choice, path: Path) -> list[str]:
         for name, end in choice.edges.items()
         for further in ["smaller" if end == "smallest" else "larger"]
     ]
+    taking = shell_line("qinit", "transfer", choice.method, "FIT", "--tuned", path, *choice.how)
     return [
-        f"{choice.method}: {found}; {shell_line('qinit', 'transfer', choice.method, 'FIT', '--tuned', path)} takes it",
+        f"{choice.method}: {found}; {taking} takes it",
         f"chosen by four folds and judged by the fifth, a choice is worth {worth.value:+.4f} "
         f"[{worth.low:.4f}, {worth.high:.4f}] to the default",
         *edges,

@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import UsageError
 from qinit_cli.exploration import Boltzmann, EpsilonGreedy, Ucb
-from qinit_cli.learners import QLearner
+from qinit_cli.fitted import FitOptions
+from qinit_cli.learners import LEARNERS, QLearner
 from qinit_cli.learners.one_step import DoubleQ, Sarsa, Still
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learners.traces import QLambda, SarsaLambda
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
 from qinit_cli.pipeline.asked import CrossValidating, LearningSources, LearningTargets
-from qinit_cli.pipeline.transfer import check_together
+from qinit_cli.pipeline.transfer import check_together, stem_of, targets_of
 from qinit_cli.schedules import ByVisits, Exponential, Linear
+from qinit_cli.tasks import SourceTasks
 
 FAMILY = Gridworld()
 SOURCES = replace(FAMILY.source_learning, alpha=0.3, gamma=0.9, horizon=70)
@@ -57,6 +60,19 @@ def test_a_text_asks_for_what_the_instance_asks_for(text: dict[str, Any], instan
         assert str(learning(**text)) == str(learning(**instance))  # 1 and 1.0 are equal, and stored apart
         [name] = list(text)[:1]
         assert getattr(learning(**text), name) == instance[name]
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_a_learner_by_name_is_the_setting_that_its_instance_is(name: str) -> None:
+    sources = SourcesSettings.of(SourceTasks(FAMILY, "exact", SOURCES, 0), 9)
+    fit = FitSettings.of(sources, "0" * 64, FitOptions())
+    specs, names = [], set()
+    for learner in (name, LEARNERS[name]()):
+        targets, count = targets_of(METHODS["mean"](), LearningTargets(learner=learner), sources)
+        specs.append(RunSettings.of(METHODS["mean"](), targets, count, "0" * 64, fit).spec())
+        names.add(stem_of(METHODS["mean"](), targets, count))
+    assert specs[0] == specs[1]
+    assert names == {f"gridworld-variance-7-mean-{'' if name == 'q-learning' else f'{name}-'}200-seed-0"}
 
 
 def test_targets_inherit_a_schedule_and_not_the_learner() -> None:
