@@ -84,9 +84,8 @@ class Choice:
     worth: Estimate  # what choosing gains on sources that had no part in the choice, to the default
     # the parameters of the chosen one beyond which nothing was tried, though there is more
     edges: dict[str, End]
-    how: tuple[
-        str, ...
-    ] = ()  # options of transfer that learn as the sources were learned, where these are not usual
+    # options of transfer that learn as it was chosen by, where these are not the usual ones
+    how: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, artefact: Artefact) -> Choice:
