@@ -189,8 +189,8 @@ def assert_plain(
     return outcomes
 
 
-# A loop is compiled for each pair of a world and a learner, exploration, kind of step size and of epsilon, shaped or not: one of
-# each part with narrow rows and with wide ones, not their product. test_convergence.py has the loops without shaping, too.
+# A loop takes 15 s to compile for each world, learner, exploration, kind of step size and of epsilon, shaped or not: each of those
+# with narrow rows and with wide ones, but not their product. What test_convergence.py learns with is among them.
 CASES: list[tuple[Any, bool, dict[str, Any]]] = [
     (GRIDS, True, {"learner": Sarsa(), "explore": Boltzmann(0.1), "alpha": RISING}),
     (GRIDS, False, {"learner": ExpectedSarsa(), "explore": Ucb(0.2)}),
@@ -231,22 +231,15 @@ def test_a_compiled_learner_equals_the_plain_one_to_the_last_bit(
     assert not all(all(outcome.reached) for outcome in outcomes)
 
 
-@pytest.mark.parametrize(
-    ("family", "exploring", "settings"),
-    [
-        (GRIDS, False, {"explore": Ucb(0.2)}),  # which counts the actions of policies as well
-        (TABLES, False, {"alpha": VISITS, "epsilon": FALLING}),
-        (TABLES, True, {"alpha": VISITS, "epsilon": FALLING}),
-    ],
-    ids=["ucb", "following alone", "exploring while following"],
-)
-def test_sarsa_learns_from_the_actions_of_policies_that_are_followed(
-    family: Any, exploring: bool, settings: dict[str, Any]
+@pytest.mark.parametrize("exploring", [False, True], ids=["following alone", "exploring while following"])
+def test_sarsa_learns_from_the_actions_of_policies_that_are_followed_and_ucb_counts_them(
+    exploring: bool,
 ) -> None:
-    policies = np.random.default_rng(3).integers(0, family.actions, (5, family.states))
+    """UCB never says that a step explores, so policies are followed whether or not one may explore while following them."""
+    policies = np.random.default_rng(3).integers(0, GRIDS.actions, (5, GRIDS.states))
     rules = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
-    start = Start(table_of(family), None, Policies(policies, **rules, explore_while_following=exploring))
-    assert_plain(family, replace(USUAL, learner=Sarsa(), **settings), start, rules)
+    start = Start(table_of(GRIDS), None, Policies(policies, **rules, explore_while_following=exploring))
+    assert_plain(GRIDS, replace(USUAL, learner=Sarsa(), explore=Ucb(0.2)), start, rules)
 
 
 @pytest.mark.parametrize(
