@@ -16,7 +16,7 @@ from qinit_cli.learners.traces import QLambda, SarsaLambda
 @pytest.mark.parametrize(
     ("setting", "text"),
     [
-        (QLambda(0.5, "accumulating", 0.01), "q-lambda:lambda=0.5,traces=accumulating,least=0.01"),
+        (QLambda(0.5, "accumulating", 0.125), "q-lambda:lambda=0.5,traces=accumulating,least=0.125"),
         (SarsaLambda(traces="accumulating"), "sarsa-lambda:traces=accumulating"),
         (SarsaLambda(lambda_=0), "sarsa-lambda:lambda=0.0"),
         (DelayedQ(m=7), "delayed-q:m=7"),

@@ -364,9 +364,8 @@ def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, poster
     begin_task(setting.rate, memory, lane, task)
     begin_task(setting.explore, memory, lane, task)
     if waiting is not None:
-        waiting.state[
-            lane
-        ] = -1  # what was learned for nothing in the rest of a block waits for no action of this task
+        # what was learned for nothing in the rest of a block waits for no action of this task
+        waiting.state[lane] = -1
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
 
 

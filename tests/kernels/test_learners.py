@@ -189,8 +189,8 @@ def assert_plain(
     return outcomes
 
 
-# A loop takes 15 s to compile for each world, learner, exploration, kind of step size and of epsilon, shaped or not: each of those
-# with narrow rows and with wide ones, but not their product. What test_convergence.py learns with is among them.
+# A loop takes 15 s to compile for each world, learner, exploration, kind of step size and of epsilon, shaped or not: each of
+# those with narrow rows and with wide ones, but not their product. What test_convergence.py learns with is among them.
 CASES: list[tuple[Any, bool, dict[str, Any]]] = [
     (GRIDS, True, {"learner": Sarsa(), "explore": Boltzmann(0.1), "alpha": RISING}),
     (GRIDS, False, {"learner": ExpectedSarsa(), "explore": Ucb(0.2)}),
