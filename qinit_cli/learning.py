@@ -51,6 +51,8 @@ class Learning:
             )
         if self.start not in get_args(Start):
             raise ValueError(f"start is {self.start!r}; it is one of {', '.join(get_args(Start))}")
+        if refusal := self.learner.refusal(self):
+            raise ValueError(refusal)
 
     @property
     def last_epsilon(self) -> float:

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from qinit_cli.analysis.intervals import over_targets
-from qinit_cli.benchmarks import plain_c, plain_loops, table_races
+from qinit_cli.benchmarks import learner_races, learning_races, plain_c, plain_loops, table_races
 from qinit_cli.benchmarks.race import Race, Runner, results
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners import LEARNERS
 from qinit_cli.pipeline import fit as stage
 
 Run = Callable[..., Any]
@@ -45,6 +46,16 @@ def test_bench_tells_both_figures_and_their_ratio(what: str, here: Run) -> None:
         assert row["turns"] == 1
         assert all(row[name] > 0 for name in NUMBERS)
         assert row["ratio_low"] <= row["ratio"] <= row["ratio_high"]
+
+
+def test_every_learner_and_a_table_are_raced_with_q_learning() -> None:
+    *learners, table = learner_races.races(learning_races.QUICK)
+    assert [race.case.partition(", ")[2] for race in learners] == [
+        name for name in LEARNERS.own if name != "q-learning"
+    ]
+    told = results(table, 1)
+    assert [row.other for row in told] == ["Q-learning"]
+    assert min(told[0].ours_figure, told[0].other_figure) > 0
 
 
 def test_kernels_of_both_families_are_raced_and_without_a_c_compiler_bench_says_so(

@@ -108,10 +108,10 @@ def _races(
 def _ours(
     family: Family, tasks: Tasks, learning: Learning, start: Floats, records: Records
 ) -> Callable[[], float]:
-    return lambda: float(_learn(family, tasks, learning, start, records)[1])
+    return lambda: float(learned(family, tasks, learning, start, records)[1])
 
 
-def _learn(
+def learned(
     family: Family, tasks: Tasks, learning: Learning, start: Floats, records: Records
 ) -> tuple[Floats, int]:
     """The tables learned, (B, S, A), and the steps that took."""
@@ -119,10 +119,11 @@ def _learn(
     streams = LaneStreams(
         rng=lane_seeds(sequences(0, Stream.SOURCE_DICE, indices)),
         starts=seeds(sequences(0, Stream.SOURCE_START, indices)),
+        learner=seeds(sequences(0, Stream.SOURCE_LEARNER, indices)),
     )
     worlds = family.worlds(tasks, sequences(0, Stream.SOURCE_WORLD, indices))
-    learned = learn(worlds, learning, Start(start), streams, records, Watch())
-    return learned.q, int(learned.step_count.sum())
+    batch = learn(worlds, learning, Start(start), streams, records, Watch())
+    return batch.q, int(batch.step_count.sum())
 
 
 def _converged_cars(family: MountainCar, tasks: Tasks, size: Size) -> Floats:
@@ -131,7 +132,7 @@ def _converged_cars(family: MountainCar, tasks: Tasks, size: Size) -> Floats:
     episodes = max(10, round(CONVERGED_STEPS * size.scale / len(tasks) / steps_of_an_episode))
     learning = replace(family.source_learning, episodes=episodes)
     start = np.zeros((len(tasks), family.bins**2, len(family.actions)))
-    return _learn(family, tasks, learning, start, Records(1, visits=True, td_var=True))[0]
+    return learned(family, tasks, learning, start, Records(1, visits=True, td_var=True))[0]
 
 
 def _plain(loop: Plain, tasks: Tasks, learning: Learning, start: Floats) -> Callable[[], float]:

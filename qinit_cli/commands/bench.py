@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Benchmarks:
     """What is timed, and how often."""
 
-    what: Literal["kernels", "exact", "fit", "compare", "start-up", "pipeline", "all"] = option(
+    what: Literal["kernels", "learners", "exact", "fit", "compare", "start-up", "pipeline", "all"] = option(
         "all", "The part of qinit that is timed."
     )
     repeat: int = option(
@@ -51,7 +51,7 @@ def add_to(app: typer.Typer) -> None:
         "bench",
         bench,
         {"benchmarks": Group(Benchmarks, "Timing"), "tabular": TABULAR, "display": DISPLAY},
-        help="Time the kernels, exact tables, fits, comparisons and whole commands against the plain way to do the same.",
+        help="Time kernels, learners, exact tables, fits, comparisons and whole commands against the plain way to do the same.",
     )
 
 
@@ -93,11 +93,13 @@ def _results(benchmarks: Benchmarks, display: Display) -> Iterator[Result]:
 
 
 def _races(benchmarks: Benchmarks, display: Display, until_done: ExitStack) -> Iterator[Race]:
-    from qinit_cli.benchmarks import learning_races, process_races, table_races
+    from qinit_cli.benchmarks import learner_races, learning_races, process_races, table_races
 
+    size = learning_races.QUICK if benchmarks.quick else learning_races.FULL
     if benchmarks.asks("kernels"):
-        size = learning_races.QUICK if benchmarks.quick else learning_races.FULL
         yield from learning_races.races(size, _plain_c(display, until_done))
+    if benchmarks.asks("learners"):
+        yield from learner_races.races(size)
     if benchmarks.asks("exact"):
         yield table_races.exact(2 if benchmarks.quick else 10)
     if benchmarks.asks("fit"):

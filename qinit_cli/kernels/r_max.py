@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.lane import rescan, width_of
 from qinit_cli.kernels.learner import Batch, begin_task, tally, update, value, worth
@@ -36,8 +37,13 @@ class Model(NamedTuple):
 
 
 def new_model(batch: Batch, known: int, tolerance: float) -> Model:
-    """Nothing known."""
+    """Nothing known; NotAllowed where the steps of a lane cannot be numbered."""
     lanes, pairs = batch.pairs
+    if pairs * known >= 1 << 31:
+        raise NotAllowed(
+            f"r-max with known={known} keeps {pairs * known} steps of a task, more than the {(1 << 31) - 1} that it can number; "
+            f"give --learner r-max:known=N a smaller N"
+        )
     return Model(
         known=known,
         tolerance=float(tolerance),

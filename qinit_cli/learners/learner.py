@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.options import check
+from qinit_cli.schedules import ByVisits, Exponential, Linear
 
 if TYPE_CHECKING:
     from qinit_cli.kernels.learner import Batch
@@ -21,24 +22,28 @@ class Learner:
     """The neutral learner; subclasses replace what differs."""
 
     name: ClassVar[str]
-    counts: ClassVar[bool] = True  # whether a step changes one value alone: its updates can be counted
-    steps: ClassVar[bool] = True  # whether it has a step size
-    weighs: ClassVar[bool] = (
-        True  # whether (1 - alpha)^n of its start is left after n updates: the posterior can move it
-    )
-    shapes: ClassVar[bool] = True  # whether it learns from shaped rewards
-    optimism: ClassVar[float] = (
-        0.0  # value of unknown state-actions where nothing is transferred: the start of source tasks
-    )
-    explores: ClassVar[bool] = (
-        True  # whether it needs an exploration; else it is greedy unless one is asked for
-    )
-    waits: ClassVar[bool] = False  # whether an update waits for the action after its step
-    tables: ClassVar[int] = 1  # whose updates are counted apart
     learns: ClassVar[bool] = True
+    steps: ClassVar[bool] = True  # it has a step size
+    counts: ClassVar[bool] = True  # a step updates one state-action, so that its updates can be counted
+    tables: ClassVar[int] = 1  # whose updates are counted apart
+    waits: ClassVar[bool] = False  # an update waits for the action after its step
+    shapes: ClassVar[bool] = True  # it learns from shaped rewards
+    # after n updates (1 - alpha)^n of its start is left in a value: the posterior can move it
+    weighs: ClassVar[bool] = True
+    explores: ClassVar[bool] = True  # it needs an exploration; else it is greedy unless one is asked for
+    optimism: ClassVar[float] = 0.0  # the start of source tasks
 
     def __post_init__(self) -> None:
         check(self)
+
+    def refusal(self, learning: Learning) -> str:
+        """Why it cannot learn with these settings, the name of one of them first; empty if it can."""
+        if isinstance(learning.alpha, ByVisits) and not self.counts:
+            return (
+                f"alpha is {learning.alpha}; {self.name} updates many state-actions at once, so give it a number, "
+                f"{Linear.form} or {Exponential.form}"
+            )
+        return ""
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """What the compiled loop reads of it: a NamedTuple whose class has bodies for the parts of kernels.learner."""

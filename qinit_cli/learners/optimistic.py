@@ -51,10 +51,16 @@ class RMax(Learner):
     shapes: ClassVar[bool] = False
     optimism: ClassVar[float] = 1.0
     explores: ClassVar[bool] = False
-    known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=10_000)
+    known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=1_000)
     tolerance: float = option(
-        1e-6, "Change of a state's value below which those before it are left alone.", low=0
+        1e-6, "Change of a state's value up to which those before it are left alone.", above=0
     )
+
+    def refusal(self, learning: Learning) -> str:
+        """Plans without a discount need not come to an end."""
+        if learning.gamma == 1:
+            return f"gamma is 1; {self.name} plans with a gamma below 1"
+        return super().refusal(learning)
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """The model of each lane."""

@@ -231,15 +231,9 @@ def _learning(usual: Learning, inherited: dict[str, Any], asked: Any) -> Learnin
     if greedy or not isinstance(explore, EpsilonGreedy):
         given["epsilon"] = 0.0
     try:
-        found = replace(usual, **inherited | given, learner=learner)
+        return replace(usual, **inherited | given, learner=learner)
     except ValueError as error:
         raise UsageError(f"--{error}") from error
-    if isinstance(found.alpha, ByVisits) and not learner.counts:
-        raise UsageError(
-            f"--learner {learner} updates many state-actions at once, so alpha cannot be {found.alpha}; give --alpha a "
-            f"number or {BY_EPISODE}"
-        )
-    return found
 
 
 def _inherited(sources: Learning) -> dict[str, Any]:

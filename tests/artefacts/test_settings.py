@@ -223,7 +223,7 @@ def test_a_way_of_learning_survives_being_stored_in_every_kind(learning: Learnin
 def test_what_is_as_it_always_was_stands_in_no_settings() -> None:
     usual = {"alpha", "gamma", "epsilon", "episodes", "horizon", "start"}
     assert set(SourcesSettings.of(SOURCES, 10).spec()["learning"]) == usual
-    other = replace(SOURCES.learning, learner=QLambda(), explore=Boltzmann(), alpha=ByVisits(1.0))
+    other = replace(SOURCES.learning, learner=QLambda(), explore=Boltzmann(), alpha=Linear(0.5, 0.1, 50))
     told = settings.plain_learning(other)
     assert told["learner"] == {
         "name": "q-lambda",
@@ -232,7 +232,7 @@ def test_what_is_as_it_always_was_stands_in_no_settings() -> None:
         "least": QLambda().least,
     }
     assert told["explore"] == {"name": "boltzmann", "temperature": 0.01}
-    assert (told["alpha"], told["epsilon"]) == ("visits:1.0", 0.5)
+    assert (told["alpha"], told["epsilon"]) == ("linear:0.5:0.1:50", 0.5)
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,8 @@ def test_epsilon_is_nought_where_it_means_nothing() -> None:
     [
         ({"explore": "ucb:c=2", "epsilon": 0.1}, "--explore ucb:c=2.0 has no epsilon; leave out --epsilon"),
         ({"learner": "r-max", "alpha": 0.1}, "--learner r-max has no step size; leave out --alpha"),
-        ({"learner": QLambda(0.5), "alpha": "visits:1"}, "--learner q-lambda:lambda_?=0.5 updates many state-actions"),
+        ({"learner": QLambda(0.5), "alpha": "visits:1"}, "--alpha is visits:1.0; q-lambda updates many state-actions"),
+        ({"learner": "r-max", "gamma": 1.0}, "--gamma is 1; r-max plans with a gamma below 1"),
         ({"epsilon": "visits:1"}, "--epsilon is visits:1.0; visits:POWER is a schedule of alpha alone"),
         ({"alpha": "linear:0:1:9"}, "--alpha is linear:0.0:1.0:9; it must be above 0 and at most 1"),
     ],
@@ -111,7 +112,7 @@ def test_what_does_not_go_together_is_refused_for_sources_and_for_targets(
 
 def test_traces_are_refused_where_the_sources_hand_down_a_step_size_by_visits() -> None:
     sources = replace(SOURCES, alpha=ByVisits(0.7))
-    with pytest.raises(UsageError, match=r"alpha cannot be visits:0\.7; give --alpha a number"):
+    with pytest.raises(UsageError, match=r"--alpha is visits:0\.7; sarsa-lambda .* give it a number"):
         of_targets(sources, learner="sarsa-lambda")
     assert of_targets(sources, learner="sarsa-lambda", alpha=0.2).alpha == 0.2
     assert of_targets(sources, learner="r-max").learner == RMax()  # which has no step size
