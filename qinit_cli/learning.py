@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from qinit_cli.exploration import EpsilonGreedy, Exploration
 from qinit_cli.learners import Learner, QLearner
+from qinit_cli.learners.exploration import EpsilonGreedy, Exploration
 from qinit_cli.options import is_of
 from qinit_cli.schedules import ByVisits, Schedule
 

@@ -36,9 +36,9 @@ from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.exploration import Exploration
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner
+from qinit_cli.learners.exploration import Exploration
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.options import options, tunable
 from qinit_cli.pipeline import cross_validation as validation

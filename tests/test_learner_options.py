@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.exploration import EXPLORATIONS, Boltzmann, EpsilonGreedy, Ucb
 from qinit_cli.learners import LEARNERS
+from qinit_cli.learners.exploration import EXPLORATIONS, Boltzmann, EpsilonGreedy, Ucb
 from qinit_cli.learners.one_step import QLearner
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learners.traces import QLambda, SarsaLambda

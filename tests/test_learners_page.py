@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.exploration import EXPLORATIONS
 from qinit_cli.learners import LEARNERS
+from qinit_cli.learners.exploration import EXPLORATIONS
 from qinit_cli.options import options
 from qinit_cli.pipeline.asked import LearningSources, LearningTargets
 from qinit_cli.schedules import KINDS

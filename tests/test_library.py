@@ -21,7 +21,7 @@ import qinit_cli as qinit
 from qinit_cli import library
 from qinit_cli.environments import FAMILIES
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
-from qinit_cli.exploration import Ucb
+from qinit_cli.learners.exploration import Ucb
 from qinit_cli.methods import METHODS
 from qinit_cli.options import tunable
 from qinit_cli.schedules import Linear

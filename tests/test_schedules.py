@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.exploration import Boltzmann, Ucb
+from qinit_cli.learners.exploration import Boltzmann, Ucb
 from qinit_cli.learning import Learning
 from qinit_cli.schedules import KINDS, ByVisits, Exponential, Linear, Schedule, schedule
 

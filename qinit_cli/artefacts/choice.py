@@ -13,8 +13,8 @@ import numpy as np
 
 from qinit_cli.analysis.intervals import Estimate, over_targets
 from qinit_cli.artefacts.settings import TuningSettings
-from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learners import QLearner
+from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS
 from qinit_cli.options import flag, options

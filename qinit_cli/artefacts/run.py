@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
-from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners.exploration import EpsilonGreedy
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.errors import NotAllowed, QinitError
-from qinit_cli.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
+from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations

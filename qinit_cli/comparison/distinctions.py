@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learners import LEARNERS, QLearner
+from qinit_cli.learners.exploration import EpsilonGreedy
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Settings, SourceSet, StoredFamily

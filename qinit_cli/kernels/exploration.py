@@ -25,13 +25,13 @@ LOW_32 = np.uint64((1 << 32) - 1)
 _NONE, _ONE = np.uint64(0), np.uint64(1)
 
 
-class EpsilonGreedy(NamedTuple):
+class Decided(NamedTuple):
     """A constant epsilon: whether a step explores is decided before it."""
 
     limit: np.uint64  # steps whose 20 bits of a draw are below explore
 
 
-class Scheduled(NamedTuple):
+class EpsilonByEpisode(NamedTuple):
     """An epsilon for each episode."""
 
     limits: Any  # u8 (E,)
@@ -52,12 +52,12 @@ class Bounds(NamedTuple):
     bounds: Any  # f8 (L, A) of the step
 
 
-def new_epsilon_greedy(learning: Learning) -> EpsilonGreedy | Scheduled:
+def new_epsilon_greedy(learning: Learning) -> Decided | EpsilonByEpisode:
     """Epsilon-greedy as the loop reads it."""
     if isinstance(learning.epsilon, Schedule):
         values = learning.epsilon.values(learning.episodes)
-        return Scheduled(np.array([exploration_limit(value) for value in values], np.uint64))
-    return EpsilonGreedy(exploration_limit(learning.epsilon))
+        return EpsilonByEpisode(np.array([exploration_limit(value) for value in values], np.uint64))
+    return Decided(exploration_limit(learning.epsilon))
 
 
 def new_softmax(batch: Batch, temperature: float) -> Softmax:
@@ -76,7 +76,7 @@ def decided_limit(explore):
     return explore.limit
 
 
-@body(decided_limit, Scheduled, Softmax, Bounds)
+@body(decided_limit, EpsilonByEpisode, Softmax, Bounds)
 def _nothing_decided(explore):
     return _NONE
 
@@ -105,7 +105,7 @@ def bits(explore, memory, step, lane, state, episode):
     return np.uint64(memory.choices[step]), np.uint64(memory.ties[state])
 
 
-@body(bits, Scheduled)
+@body(bits, EpsilonByEpisode)
 def _bits_scheduled(explore, memory, step, lane, state, episode):
     explores = _explores(memory.draws[step], explore, episode)
     all_actions = (_ONE << np.uint64(memory.actions)) - _ONE if explores else _NONE
@@ -125,7 +125,7 @@ def pick(explore, memory, lane, state, episode, drawn):
     return picked(memory, state, drawn, explores), explores
 
 
-@body(pick, Scheduled)
+@body(pick, EpsilonByEpisode)
 def _pick_scheduled(explore, memory, lane, state, episode, drawn):
     explores = _explores(drawn, explore, episode)
     return picked(memory, state, drawn, explores), explores
@@ -162,7 +162,7 @@ def expectation(explore, memory, lane, state, episode):
     return _epsilon_mean(memory, state, explore.limit)
 
 
-@body(expectation, Scheduled)
+@body(expectation, EpsilonByEpisode)
 def _expectation_scheduled(explore, memory, lane, state, episode):
     return _epsilon_mean(memory, state, _limit(explore, episode))
 

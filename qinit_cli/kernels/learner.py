@@ -55,7 +55,7 @@ class OnPolicy(NamedTuple):
     """Sarsa."""
 
 
-class Expected(NamedTuple):
+class InExpectation(NamedTuple):
     """Expected Sarsa."""
 
 
@@ -69,7 +69,7 @@ class Constant(NamedTuple):
     alpha: float
 
 
-class Scheduled(NamedTuple):
+class AlphaByEpisode(NamedTuple):
     """A step size for each episode."""
 
     alphas: Any  # f8 (E,)
@@ -83,7 +83,7 @@ class Counted(NamedTuple):
     updates: Any  # i8 (L, (S + 2) * W), or as many for each table of the learner
 
 
-def new_rate(learning: Learning, batch: Batch) -> Constant | Scheduled | Counted:
+def new_rate(learning: Learning, batch: Batch) -> Constant | AlphaByEpisode | Counted:
     """The step size as the loop reads it."""
     alpha = learning.alpha
     if isinstance(alpha, ByVisits):
@@ -91,7 +91,7 @@ def new_rate(learning: Learning, batch: Batch) -> Constant | Scheduled | Counted
         updates = np.zeros((lanes, learning.learner.tables * pairs), np.int64)
         return Counted(np.array(alpha.of_visits(COUNTED)), float(alpha.power), updates)
     if isinstance(alpha, Schedule):
-        return Scheduled(np.array(alpha.values(learning.episodes)))
+        return AlphaByEpisode(np.array(alpha.values(learning.episodes)))
     return Constant(alpha)
 
 
@@ -101,7 +101,7 @@ def rate_of(rate, lane, pair, episode):
     return rate.alpha
 
 
-@body(rate_of, Scheduled)
+@body(rate_of, AlphaByEpisode)
 def _rate_of_episode(rate, lane, pair, episode):
     return rate.alphas[min(episode, len(rate.alphas) - 1)]  # after the last one nothing counts
 
@@ -135,7 +135,7 @@ def _update_on_policy(learner, memory, step, setting, hooks, recording):
     return learn_towards(on_policy(memory, step, setting), memory, step, setting, hooks, recording)
 
 
-@body(update, Expected)
+@body(update, InExpectation)
 def _update_expected(learner, memory, step, setting, hooks, recording):
     return learn_towards(expected(memory, step, setting), memory, step, setting, hooks, recording)
 

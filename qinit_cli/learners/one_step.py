@@ -57,9 +57,9 @@ class ExpectedSarsa(Learner):
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """No memory of its own."""
-        from qinit_cli.kernels.learner import Expected
+        from qinit_cli.kernels.learner import InExpectation
 
-        return Expected()
+        return InExpectation()
 
 
 @dataclass(frozen=True)

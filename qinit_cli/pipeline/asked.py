@@ -9,8 +9,8 @@ from typing import Any, Literal
 from qinit_cli import cores
 from qinit_cli.environments import Family
 from qinit_cli.errors import UsageError
-from qinit_cli.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
 from qinit_cli.learners import LEARNERS, Learner
+from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, flag, option
 from qinit_cli.schedules import ByVisits, Exponential, Linear, Schedule, schedule

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from qinit_cli.exploration import EpsilonGreedy
+from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
 from qinit_cli.schedules import Schedule
 from qinit_store.wording import counted, magnitude

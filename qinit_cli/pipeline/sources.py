@@ -10,8 +10,8 @@ import numpy as np
 
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.errors import UsageError
-from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learners import QLearner
+from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
 from qinit_cli.schedules import Schedule
 from qinit_cli.seeding import Stream, sequence

@@ -10,8 +10,8 @@ import numpy as np
 
 from qinit_cli.environments.family import Family
 from qinit_cli.errors import UsageError
-from qinit_cli.exploration import EpsilonGreedy
 from qinit_cli.learners import LEARNERS, Learner
+from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.methods import Initial, Method
 from qinit_cli.pipeline.sources import Rows, by_learner, in_names, sequences, shaped
 from qinit_cli.tasks import TargetTasks

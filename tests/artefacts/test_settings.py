@@ -22,9 +22,9 @@ from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed
-from qinit_cli.exploration import EXPLORATIONS, Boltzmann
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS
+from qinit_cli.learners.exploration import EXPLORATIONS, Boltzmann
 from qinit_cli.learners.traces import QLambda, SarsaLambda
 from qinit_cli.learning import Learning
 from qinit_cli.methods import METHODS

@@ -21,8 +21,8 @@ from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import grouped, told_of_groups
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
-from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners.exploration import Boltzmann, Ucb
 from qinit_cli.learners.one_step import Sarsa
 from qinit_cli.learners.optimistic import RMax
 from qinit_cli.learners.traces import SarsaLambda

@@ -11,8 +11,8 @@ import pytest
 import reference
 from learner_reference import EXPLORATIONS, LEARNERS, Learner, flipped
 
-from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.learners import LEARNERS as OURS
+from qinit_cli.learners.exploration import Boltzmann, Ucb
 from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa, Still
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learners.traces import QLambda, SarsaLambda

@@ -11,13 +11,13 @@ import reference
 import test_loop
 from learner_reference import flipped
 
-from qinit_cli.exploration import Boltzmann, Ucb
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.mountain_car import MountainCars
 from qinit_cli.kernels.python_steps import PythonWorlds
 from qinit_cli.kernels.worlds import CUT, GOAL
+from qinit_cli.learners.exploration import Boltzmann, Ucb
 from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa, Still
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learners.traces import QLambda, SarsaLambda

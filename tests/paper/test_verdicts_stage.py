@@ -15,8 +15,8 @@ from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, So
 from qinit_cli.claims.setting import GRIDWORLD
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
-from qinit_cli.exploration import Ucb
 from qinit_cli.fitted import FitOptions
+from qinit_cli.learners.exploration import Ucb
 from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.methods import METHODS
 from qinit_cli.paper import settings as paper_settings

@@ -12,9 +12,9 @@ import pytest
 from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import UsageError
-from qinit_cli.exploration import Boltzmann, EpsilonGreedy, Ucb
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, QLearner
+from qinit_cli.learners.exploration import Boltzmann, EpsilonGreedy, Ucb
 from qinit_cli.learners.one_step import DoubleQ, Sarsa, Still
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learners.traces import QLambda, SarsaLambda

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from qinit_cli.commands.train_sources import _told
-from qinit_cli.exploration import Boltzmann
+from qinit_cli.learners.exploration import Boltzmann
 from qinit_cli.learners.one_step import DoubleQ
 from qinit_cli.learners.optimistic import DelayedQ, RMax
 from qinit_cli.learning import Learning

@@ -38,7 +38,10 @@ def test_each_set_of_targets_has_its_panel_with_its_own_methods(
 ) -> None:
     figure = drawn("curves", *_runs(pipeline, "mean", "zero", "logqinit-median"), *elsewhere)
     first, second = figure.axes
-    assert [axes.get_title() for axes in figure.axes] == ["6 variance 2\nq-learning", "6 uniform\nexact"]
+    assert [axes.get_title() for axes in figure.axes] == [
+        "6 variance 2\nsources' q-learning",
+        "6 uniform\nexact",
+    ]
     assert [line.get_label() for line in first.lines] == ["zero", "mean", "logqinit-median"]
     assert [line.get_label() for line in second.lines] == ["zero", "logqinit-median"]
     assert first.lines[0].get_color() == second.lines[0].get_color()
