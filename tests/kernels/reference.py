@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from learner_reference import EXPLORATIONS, LEARNERS, greedy_actions, picked
 
+from qinit_cli.kernels.batch import LaneStreams
 from qinit_cli.learning import Learning
 
 MASK = 2**64 - 1
@@ -168,6 +169,12 @@ def cosine(y: float) -> float:
         tail = (SIN[1] + z * SIN[2]) + z * z * ((SIN[3] + z * SIN[4]) + z * z * SIN[5])
         value = r - ((z * (0.5 * rest - z * r * tail) - rest) - z * r * SIN[0])
     return value if turns % 4 in (0, 3) else -value
+
+
+def part(given: LaneStreams, tasks: slice | list[int]) -> LaneStreams:
+    """The streams of some of the tasks."""
+    streams = {field.name: getattr(given, field.name) for field in fields(given)}
+    return LaneStreams(**{name: None if each is None else each[tasks] for name, each in streams.items()})
 
 
 class Choices:

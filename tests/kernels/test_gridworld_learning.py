@@ -29,12 +29,6 @@ def probability(seed: int, tasks: int) -> LaneStreams:
     return LaneStreams(rng.lane_seeds(streams(0)), *(rng.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
-def part(given: LaneStreams, tasks: slice | list[int]) -> LaneStreams:
-    return LaneStreams(
-        **{field.name: getattr(given, field.name)[tasks] for field in dataclasses.fields(given)}
-    )
-
-
 def worlds(tasks: slice | list[int] = slice(None)) -> Gridworlds:
     return Gridworlds(SIZE, GOALS[tasks], P[tasks])
 
@@ -126,7 +120,7 @@ def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
     given = probability(2, len(GOALS))
     whole = learn(worlds(), EXPLORING, Start(table()), given, ALL, Watch(), lanes=lanes)
     for tasks in ([3], [6, 1], [5, 4, 3, 2, 0]):
-        some = learn(worlds(tasks), EXPLORING, Start(table()), part(given, tasks), ALL, Watch())
+        some = learn(worlds(tasks), EXPLORING, Start(table()), reference.part(given, tasks), ALL, Watch())
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[tasks])
 

@@ -140,7 +140,7 @@ def learned_by(
 ) -> Learned:
     given = streams(family.tasks)
     if tasks is not None:
-        given = test_loop.part(given, tasks)
+        given = reference.part(given, tasks)
         phi = start.potential if start.potential is None else start.potential[tasks]
         start = replace(start, potential=phi)
     worlds = family.worlds(slice(None) if tasks is None else tasks)

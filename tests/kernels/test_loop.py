@@ -81,16 +81,6 @@ def probability(seed: int, tasks: int) -> LaneStreams:
     return LaneStreams(rng.lane_seeds(streams(0)), *(rng.seeds(streams(kind)) for kind in (1, 2, 3)))
 
 
-def part(given: LaneStreams, tasks: list[int]) -> LaneStreams:
-    return LaneStreams(
-        **{
-            field.name: values[tasks]
-            for field in dataclasses.fields(given)
-            if (values := getattr(given, field.name)) is not None
-        }
-    )
-
-
 def worlds(tasks: slice | list[int] = slice(None)):
     some = tables(tasks)
     return some.worlds(np.zeros((len(some), 4), np.uint64))
@@ -154,7 +144,9 @@ def test_a_task_learns_the_same_whatever_learns_beside_it(lanes: int) -> None:
     given = probability(2, TASKS)
     whole = learn(worlds(), EXPLORING, Start(start_table()), given, ALL, Watch(), lanes=lanes)
     for tasks in ([3], [5, 1], [4, 3, 2, 0]):
-        some = learn(worlds(tasks), EXPLORING, Start(start_table()), part(given, tasks), ALL, Watch())
+        some = learn(
+            worlds(tasks), EXPLORING, Start(start_table()), reference.part(given, tasks), ALL, Watch()
+        )
         for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[tasks])
 
