@@ -9,6 +9,8 @@ from typing import Any, ClassVar, TypeVar
 
 from qinit_cli.options import is_of
 
+LARGEST = 2.0**53  # no number of a schedule is: float64 has every whole number below it
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -21,7 +23,7 @@ class Schedule:
         for field in fields(self):
             value = getattr(self, field.name)
             whole = field.name == "episodes"
-            if not is_of(value, int if whole else float) or not math.isfinite(value):
+            if not is_of(value, int if whole else float) or not abs(value) < LARGEST:
                 raise ValueError(f"{self.name} takes {self.form}, and {field.name} is {value!r}")
             # as a text gives it: 1 and numpy's 1.0 are one setting
             object.__setattr__(self, field.name, int(value) if whole else float(value))

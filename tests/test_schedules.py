@@ -80,6 +80,7 @@ def test_numbers_are_read_as_numbers_and_every_kind_has_a_name() -> None:
         ("linear:1:0:2.5", "'2.5' in 'linear:1:0:2.5' is no whole number"),
         ("linear:1:none:5", "'none' in 'linear:1:none:5' is no number"),
         ("linear:1:0:0", "linear:FROM:TO:EPISODES takes 1 episode or more, not 0"),
+        (f"linear:1:0:{10**400}", "and episodes is 1000"),
         ("linear:nan:0:5", "linear takes linear:FROM:TO:EPISODES, and first is nan"),
         ("exponential:1:0:0.1", "takes a decay above 0 and at most 1, not 0.0"),
         ("exponential:1:1.1:0.1", "takes a decay above 0 and at most 1, not 1.1"),

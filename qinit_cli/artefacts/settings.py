@@ -675,7 +675,7 @@ def _exploration(told: Any) -> Exploration:
 
 
 def _with_options(kind: type[Made], options: Spec, name: str) -> Made:
-    """An instance by its options as they are typed; ValueError where one is missing, unknown or out of its range."""
+    """An instance by its options as they are typed; ValueError where one is unknown or out of its range."""
     fields = {one.name.rstrip("_"): one.name for one in dataclasses.fields(kind)}  # type: ignore[arg-type]  # a dataclass
     _refuse_unknown(options, fields, name)
     return _built(kind, {fields[key]: value for key, value in options.items()}, name)

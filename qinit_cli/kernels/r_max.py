@@ -19,6 +19,7 @@ from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
 
 NONE = -1
+BACKUPS = 10_000  # at most, of one step: what is left in the queue waits for the next
 
 
 class Model(NamedTuple):
@@ -32,7 +33,9 @@ class Model(NamedTuple):
         Any  # i4 of the same shape: the step kept before it that led to the same row; NONE if there is none
     )
     latest: Any  # i4 (L, S + 2) the last step kept that led to a row
-    queue: Any  # i8 (L, S)
+    queue: Any  # i8 (L, S), a ring
+    first: Any  # i8 (L,) of the queue
+    waiting: Any  # i8 (L,) states in the queue
     waits: Any  # b1 (L, S) the state is in the queue
 
 
@@ -52,6 +55,8 @@ def new_model(batch: Batch, known: int, tolerance: float) -> Model:
         before=np.zeros((lanes, pairs * known), np.int32),
         latest=np.full((lanes, batch.states + 2), NONE, np.int32),
         queue=np.zeros((lanes, batch.states), np.int64),
+        first=np.zeros(lanes, np.int64),
+        waiting=np.zeros(lanes, np.int64),
         waits=np.zeros((lanes, batch.states), np.bool_),
     )
 
@@ -60,6 +65,8 @@ def new_model(batch: Batch, known: int, tolerance: float) -> Model:
 def _begin_task(each, memory, lane, task):
     each.count[lane, :] = 0
     each.latest[lane, :] = NONE
+    each.waits[lane, :] = False
+    each.first[lane] = each.waiting[lane] = 0
 
 
 @body(update, Model)
@@ -73,33 +80,41 @@ def _update(learner, memory, step, setting, hooks, recording):
         learner.before[lane, kept] = learner.latest[lane, step.after]
         learner.latest[lane, step.after] = kept
         learner.count[lane, pair] = count + 1
-        if count + 1 == learner.known:
-            _plan(learner, memory, lane, step.state, setting.gamma)
+        if count + 1 == learner.known and not learner.waits[lane, step.state]:
+            _push(learner, lane, step.state)
+    if learner.waiting[lane] > 0:
+        _plan(learner, memory, lane, setting.gamma)
     return 0.0
 
 
+@inlined
+def _push(learner, lane, state):
+    """Puts a state at the end of the queue."""
+    last = learner.first[lane] + learner.waiting[lane]
+    states = learner.queue.shape[1]
+    learner.queue[lane, last if last < states else last - states] = state
+    learner.waits[lane, state] = True
+    learner.waiting[lane] += 1
+
+
 @inner
-def _plan(learner, memory, lane, state, gamma):
-    """Backs up the state, and all that its change reaches."""
-    queue, waits, counts = learner.queue[lane], learner.waits[lane], learner.count[lane]
-    before, latest, width = learner.before[lane], learner.latest[lane], width_of(memory)
-    first, waiting = 0, 1
-    queue[0], waits[state] = state, True
-    while waiting > 0:
-        here = queue[first]
-        first = first + 1 if first + 1 < len(queue) else 0
-        waiting -= 1
-        waits[here] = False
-        if abs(_back_up(learner, memory, lane, here, gamma)) > learner.tolerance:
-            step = np.int64(latest[here])
+def _plan(learner, memory, lane, gamma):
+    """Backs up the states of the queue, and all that their changes reach."""
+    counts, before, width = learner.count[lane], learner.before[lane], width_of(memory)
+    for _ in range(BACKUPS):
+        if learner.waiting[lane] == 0:
+            return
+        state = learner.queue[lane, learner.first[lane]]
+        learner.first[lane] = (learner.first[lane] + 1) % learner.queue.shape[1]
+        learner.waiting[lane] -= 1
+        learner.waits[lane, state] = False
+        if abs(_back_up(learner, memory, lane, state, gamma)) > learner.tolerance:
+            step = np.int64(learner.latest[lane, state])
             while step != NONE:
                 pair = step // learner.known
                 leads = pair // width
-                if counts[pair] == learner.known and not waits[leads]:
-                    last = first + waiting
-                    queue[last if last < len(queue) else last - len(queue)] = leads
-                    waits[leads] = True
-                    waiting += 1
+                if counts[pair] == learner.known and not learner.waits[lane, leads]:
+                    _push(learner, lane, leads)
                 step = np.int64(before[step])
 
 

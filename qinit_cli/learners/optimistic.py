@@ -27,7 +27,7 @@ class DelayedQ(Learner):
     shapes: ClassVar[bool] = False
     optimism: ClassVar[float] = 1.0
     explores: ClassVar[bool] = False
-    m: int = option(5, "Steps from a state-action that make one update.", low=1)
+    m: int = option(5, "Steps from a state-action that make one update.", low=1, high=1_000_000)
     epsilon1: float = option(0.001, "What an update adds to its mean, and lowers a value by at least.", low=0)
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
@@ -53,7 +53,7 @@ class RMax(Learner):
     explores: ClassVar[bool] = False
     known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=1_000)
     tolerance: float = option(
-        1e-6, "Change of a state's value up to which those before it are left alone.", above=0
+        1e-6, "Change of a state's value up to which those before it are left alone.", low=1e-12
     )
 
     def refusal(self, learning: Learning) -> str:

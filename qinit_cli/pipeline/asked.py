@@ -233,6 +233,9 @@ def _learning(usual: Learning, inherited: dict[str, Any], asked: Any) -> Learnin
     try:
         return replace(usual, **inherited | given, learner=learner)
     except ValueError as error:
+        name = str(error).split()[0]
+        if name in inherited and name not in given:
+            raise UsageError(f"the sources' {error}; give another --{name}") from error
         raise UsageError(f"--{error}") from error
 
 

@@ -61,12 +61,12 @@ def check_together(method: Method, learner: Learner) -> None:
     """UsageError where the learner has no place for what the method brings beside a start table."""
     if method.weighs and not learner.weighs:
         raise UsageError(
-            f"{method.label} changes its start while a task is learned, as --learner {learner.name} does not allow; "
+            f"{method.name} changes its start while a task is learned, as --learner {learner.name} does not allow; "
             f"{_those('weighs')} do"
         )
     if method.shapes and not learner.shapes:
         raise UsageError(
-            f"{method.label} shapes rewards, from which --learner {learner.name} does not learn; {_those('shapes')} do"
+            f"{method.name} shapes rewards, from which --learner {learner.name} does not learn; {_those('shapes')} do"
         )
 
 

@@ -112,7 +112,9 @@ def test_what_does_not_go_together_is_refused_for_sources_and_for_targets(
 
 def test_traces_are_refused_where_the_sources_hand_down_a_step_size_by_visits() -> None:
     sources = replace(SOURCES, alpha=ByVisits(0.7))
-    with pytest.raises(UsageError, match=r"--alpha is visits:0\.7; sarsa-lambda .* give it a number"):
+    with pytest.raises(
+        UsageError, match=r"the sources' alpha is visits:0\.7; sarsa-lambda .* give another --alpha"
+    ):
         of_targets(sources, learner="sarsa-lambda")
     assert of_targets(sources, learner="sarsa-lambda", alpha=0.2).alpha == 0.2
     assert of_targets(sources, learner="r-max").learner == RMax()  # which has no step size
