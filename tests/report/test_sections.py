@@ -19,7 +19,7 @@ from qinit_cli.learners.traces import SarsaLambda
 from qinit_cli.learning import Learning
 from qinit_cli.report import comparison, judged, numbers, origin, settings
 from qinit_cli.report.content import Block, Folded, Judgement, Pairs, Points, Subheading, Table
-from qinit_cli.schedules import ByVisits
+from qinit_cli.schedules import Linear
 
 MINUS = "\N{MINUS SIGN}"
 
@@ -228,7 +228,7 @@ def test_shared_settings_are_listed_once_under_the_names_of_their_options() -> N
 
 
 def test_a_learner_is_told_once_with_its_options() -> None:
-    learning = replace(LEARNING, learner=SarsaLambda(0.5), alpha=ByVisits(1.0))
+    learning = replace(LEARNING, learner=SarsaLambda(0.5), alpha=Linear(0.5, 0.1, 50))
     exact = sources(7, 0)
     [pairs] = told(settings.blocks([replace(exact, learner="sarsa-lambda", learning=learning)]))[
         "Source tasks"
@@ -236,7 +236,7 @@ def test_a_learner_is_told_once_with_its_options() -> None:
     assert isinstance(pairs, Pairs)
     found = dict(pairs.pairs)
     assert [name for name in found if name.endswith("learner")] == ["learner"]
-    assert (found["learner"], found["lambda"], found["alpha"]) == ("sarsa-lambda", "0.5", "visits:1.0")
+    assert (found["learner"], found["lambda"], found["alpha"]) == ("sarsa-lambda", "0.5", "linear:0.5:0.1:50")
 
 
 def test_a_single_setting_that_differs_joins_the_list() -> None:
