@@ -1,6 +1,8 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Learners, compiled: what a step leaves in a lane's table, and with which step size.
 
+What takes the settings, of which the learner is one, is kept in its callers alone: the learner may be a plug-in's.
+
 A learner is a NamedTuple whose class may have bodies of its own for the parts below; what none has is Q-learning's. Arrays of
 state-actions have a row for each lane and W places for each state, as the lanes' memory has.
 """
@@ -12,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.kernels.compiled import inlined
+from qinit_cli.kernels.compiled import inlined, unkept_inlined
 from qinit_cli.kernels.exploration import Bounds, expectation
 from qinit_cli.kernels.lane import (
     POTENTIAL,
@@ -163,7 +165,7 @@ def is_state(memory, after):
     return after < len(memory.ties) - 2
 
 
-@inlined
+@unkept_inlined
 def expected(memory, step, setting):
     """gamma times the mean of the values that follow under the exploration; what an end is worth."""
     if not is_state(memory, step.after):
@@ -171,7 +173,7 @@ def expected(memory, step, setting):
     return setting.gamma * expectation(setting.explore, memory, step.lane, step.after, step.episode)
 
 
-@inlined
+@unkept_inlined
 def on_policy(memory, step, setting):
     """gamma times the value of the following action; where none follows, what is expected."""
     if is_state(memory, step.after) and step.following >= 0:
@@ -179,7 +181,7 @@ def on_policy(memory, step, setting):
     return expected(memory, step, setting)
 
 
-@inlined
+@unkept_inlined
 def learn_towards(target, memory, step, setting, hooks, recording):
     """Moves the value of a step's state-action towards the target. Returns the step size."""
     width = width_of(memory)

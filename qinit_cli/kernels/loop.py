@@ -276,7 +276,7 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
         time[place] += BLOCK
 
 
-@inlined
+@unkept_inlined
 def _chosen(
     memory,
     step,
@@ -326,7 +326,7 @@ def _waits(waiting, lane, state, action, goes_on):
     return False
 
 
-@inlined
+@unkept_inlined
 def _learn_step(
     memory, lane, task, state, action, after, following, setting, ended, hooks, posterior, recording
 ):

@@ -36,6 +36,7 @@ def body(of: Function, *classes: type) -> Callable[[Function], Function]:
     """Registers the body of a part for the classes; its arguments have the names of the part's."""
 
     def register(function: Function) -> Function:
+        function.__annotations__ = {}  # Numba compares them too
         _BODIES[of].update(dict.fromkeys(classes, function))
         return function
 
