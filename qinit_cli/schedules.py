@@ -130,9 +130,7 @@ def schedule(text: str) -> float | Schedule:
     if not numbers:
         return _number(text, text, float)
     if name not in KINDS:
-        raise ValueError(
-            f"{text!r} is no schedule; there are {', '.join(each.form for each in KINDS.values())}"
-        )
+        raise ValueError(f"{text!r} is no schedule; there are {FORMS}")
     kind = KINDS[name]
     if len(numbers) != len(fields(kind)):
         raise ValueError(f"{text!r} is no {kind.form}")

@@ -157,7 +157,7 @@ def learn(
     posterior = _posterior(start.hypotheses, learning.gamma, records.moments, lanes, shape)
     if streams.learner is not None:
         _expect("learner streams", streams.learner.shape, (batch, 4))
-    inside = Batch(batch, lanes, worlds.states, worlds.actions, streams.learner)
+    inside = Batch(lanes, worlds.states, worlds.actions, streams.learner)
     hooks = Hooks(
         _potential(start.potential, batch, worlds.states),
         _choosing(start.policies, streams.choices, lanes, shape),

@@ -10,7 +10,7 @@ import numpy as np
 
 from qinit_cli.kernels.choices import ACTIONS
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import WideMemory, picked, width_of
+from qinit_cli.kernels.lane import WideMemory, largest, picked, width_of
 from qinit_cli.kernels.parts import body, part
 from qinit_cli.kernels.policies import followed, follows
 from qinit_cli.kernels.random_streams import LOW_12, LOW_20, TWELVE, exploration_limit
@@ -48,7 +48,7 @@ class Bounds(NamedTuple):
     """Actions by their upper confidence bounds (Auer et al., 2002)."""
 
     c: float
-    visits: Any  # i8 (L, S * W)
+    visits: Any  # i8 (L, (S + 2) * W)
     bounds: Any  # f8 (L, A) of the step
 
 
@@ -79,6 +79,17 @@ def decided_limit(explore):
 @body(decided_limit, EpsilonByEpisode, Softmax, Bounds)
 def _nothing_decided(explore):
     return _NONE
+
+
+@part
+def limit_of(explore, episode):
+    """Steps of an episode whose 20 bits of a draw are below this explore, epsilon-greedily."""
+    return explore.limit
+
+
+@body(limit_of, EpsilonByEpisode)
+def _limit_of_episode(explore, episode):
+    return explore.limits[min(episode, len(explore.limits) - 1)]  # after the last one nothing counts
 
 
 @part
@@ -121,12 +132,6 @@ def _bits_picked(explore, memory, step, lane, state, episode):
 @part
 def pick(explore, memory, lane, state, episode, drawn):
     """The action of a step, and whether it explores."""
-    explores = ((drawn >> TWELVE) & LOW_20) < explore.limit
-    return picked(memory, state, drawn, explores), explores
-
-
-@body(pick, EpsilonByEpisode)
-def _pick_scheduled(explore, memory, lane, state, episode, drawn):
     explores = _explores(drawn, explore, episode)
     return picked(memory, state, drawn, explores), explores
 
@@ -159,12 +164,14 @@ def _pick_bounds(explore, memory, lane, state, episode, drawn):
 @part
 def expectation(explore, memory, lane, state, episode):
     """The mean of a state's values under the exploration."""
-    return _epsilon_mean(memory, state, explore.limit)
-
-
-@body(expectation, EpsilonByEpisode)
-def _expectation_scheduled(explore, memory, lane, state, episode):
-    return _epsilon_mean(memory, state, _limit(explore, episode))
+    row, summed, epsilon = (
+        (width_of(memory) + WIDTH) * np.int64(state),
+        0.0,
+        np.float64(limit_of(explore, episode)) * 2.0**-20,
+    )
+    for action in range(memory.actions):
+        summed += memory.rows[row + action]
+    return epsilon * (summed / memory.actions) + (1.0 - epsilon) * largest(memory, row)
 
 
 @body(expectation, Softmax)
@@ -197,33 +204,15 @@ def _count_step_bounds(explore, memory, lane, state, action):
 
 
 @inlined
-def _limit(explore, episode):
-    """That of an episode; the last one's after it, where nothing counts."""
-    return explore.limits[min(episode, len(explore.limits) - 1)]
-
-
-@inlined
 def _explores(drawn, explore, episode):
-    return ((drawn >> TWELVE) & LOW_20) < _limit(explore, episode)
-
-
-@inlined
-def _epsilon_mean(memory, state, limit):
-    row, summed, epsilon = (width_of(memory) + WIDTH) * np.int64(state), 0.0, np.float64(limit) * 2.0**-20
-    best = memory.rows[row]
-    for action in range(memory.actions):
-        summed += memory.rows[row + action]
-        best = max(best, memory.rows[row + action])
-    return epsilon * (summed / memory.actions) + (1.0 - epsilon) * best
+    return ((drawn >> TWELVE) & LOW_20) < limit_of(explore, episode)
 
 
 @inner
 def _weigh_actions(explore, memory, weights, state):
     """Writes exp((Q - max Q) / temperature) of each action into `weights`; their sum."""
     row, whole = (width_of(memory) + WIDTH) * np.int64(state), 0.0
-    best = memory.rows[row]
-    for action in range(1, memory.actions):
-        best = max(best, memory.rows[row + action])
+    best = largest(memory, row)
     for action in range(memory.actions):
         weights[action] = math.exp((memory.rows[row + action] - best) * explore.inverse)
         whole += weights[action]

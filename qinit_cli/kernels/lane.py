@@ -246,7 +246,7 @@ def change(memory, row, action, amount):
 @body(change, WideMemory)
 def _change_wide(memory, row, action, amount):
     memory.rows[row + action] += amount
-    return _largest(memory, row), 0
+    return largest(memory, row), 0
 
 
 @part
@@ -258,11 +258,12 @@ def put(memory, row, action, value):
 @body(put, WideMemory)
 def _put_wide(memory, row, action, value):
     memory.rows[row + action] = value
-    return _largest(memory, row), 0
+    return largest(memory, row), 0
 
 
 @inlined
-def _largest(memory, row):
+def largest(memory, row):
+    """The largest value of a row."""
     best = memory.rows[row]
     for place in range(1, memory.actions):
         best = max(best, memory.rows[row + place])
@@ -278,7 +279,14 @@ def rescan(memory, state, actions, gamma):
         best = max(best, memory.rows[row + action])
     for action in range(actions):
         tied |= (memory.rows[row + action] == best) << action
-    memory.rows[row + width + WORTH] = gamma * best
+    note_best(memory, state, best, tied, gamma)
+
+
+@inlined
+def note_best(memory, state, best, tied, gamma):
+    """Keeps what entering a state is worth, and its ties, given the largest of its values and which of them equal it."""
+    width = width_of(memory)
+    memory.rows[(width + WIDTH) * state + width + WORTH] = gamma * best
     memory.ties[state] = tied
 
 

@@ -22,6 +22,7 @@ from qinit_cli.kernels.lane import (
     WORTH,
     WORTH_OF_POTENTIAL,
     change,
+    note_best,
     put,
     width_of,
 )
@@ -37,7 +38,6 @@ COUNTED = 1 << 16  # visits whose step size is looked up
 class Batch(NamedTuple):
     """What the tasks of a batch are learned in."""
 
-    tasks: int
     lanes: int
     states: int
     actions: int
@@ -187,10 +187,8 @@ def learn_towards(target, memory, step, setting, hooks, recording):
     width = width_of(memory)
     error = shaped(target, memory, step, hooks) - value(memory, step.state, step.action)
     alpha = rate_of(setting.rate, step.lane, width * step.state + step.action, step.episode)
-    row = (width + WIDTH) * step.state
-    best, tied = change(memory, row, step.action, alpha * error)
-    memory.rows[row + width + WORTH] = setting.gamma * best
-    memory.ties[step.state] = tied
+    best, tied = change(memory, (width + WIDTH) * step.state, step.action, alpha * error)
+    note_best(memory, step.state, best, tied, setting.gamma)
     tally(memory, step, error, recording)
     return alpha
 
@@ -221,10 +219,8 @@ def tally(memory, step, error, recording):
 @inlined
 def put_value(memory, state, action, value, gamma):
     """Sets a value; brings its row up to date."""
-    row = (width_of(memory) + WIDTH) * state
-    best, tied = put(memory, row, action, value)
-    memory.rows[row + width_of(memory) + WORTH] = gamma * best
-    memory.ties[state] = tied
+    best, tied = put(memory, (width_of(memory) + WIDTH) * state, action, value)
+    note_best(memory, state, best, tied, gamma)
 
 
 @part

@@ -13,7 +13,7 @@ import numpy as np
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import rescan, width_of
+from qinit_cli.kernels.lane import largest, rescan, width_of
 from qinit_cli.kernels.learner import Batch, begin_task, tally, update, value, worth
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
@@ -123,7 +123,7 @@ def _back_up(learner, memory, lane, state, gamma):
     """Puts the means of what their steps led to into the known values of a state; how far its largest has changed."""
     width, led_to = width_of(memory), learner.led_to[lane]
     row = (width + WIDTH) * state
-    largest = _largest(memory, row)
+    before = largest(memory, row)
     for action in range(memory.actions):
         pair = width * state + action
         if learner.count[lane, pair] == learner.known:
@@ -132,12 +132,4 @@ def _back_up(learner, memory, lane, state, gamma):
                 summed += worth(memory, np.int64(led_to[step]))
             memory.rows[row + action] = summed / learner.known
     rescan(memory, state, memory.actions, gamma)
-    return _largest(memory, row) - largest
-
-
-@inlined
-def _largest(memory, row):
-    largest = memory.rows[row]
-    for action in range(1, memory.actions):
-        largest = max(largest, memory.rows[row + action])
-    return largest
+    return largest(memory, row) - before

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined, inner
-from qinit_cli.kernels.lane import WORTH, change, width_of
+from qinit_cli.kernels.lane import change, largest, note_best, width_of
 from qinit_cli.kernels.learner import (
     Batch,
     arrive,
@@ -46,38 +46,23 @@ class Watkins(NamedTuple):
     )
 
 
-class SarsaTraces(NamedTuple):
+class SarsaTraces(Watkins):
     """As Watkins, for Sarsa(lambda)."""
 
-    decay: float
-    accumulating: bool
-    least: float
-    first: Any
-    end: Any
-    place: Any
-    trace: Any
-    entry: Any
 
-
-def new_watkins(batch: Batch, decay: float, accumulating: bool, least: float) -> Watkins:
-    """No traces yet, for Q(lambda)."""
-    return Watkins(float(decay), accumulating, float(least), *_lists(batch))
-
-
-def new_sarsa_lambda(batch: Batch, decay: float, accumulating: bool, least: float) -> SarsaTraces:
-    """No traces yet, for Sarsa(lambda)."""
-    return SarsaTraces(float(decay), accumulating, float(least), *_lists(batch))
-
-
-def _lists(batch: Batch) -> tuple[Any, Any, Any, Any, Any]:
+def new_traces(batch: Batch, decay: float, accumulating: bool, least: float, waits: bool) -> Watkins:
+    """No traces yet, for Q(lambda), or for Sarsa(lambda), which waits."""
     lanes, pairs = batch.pairs
     most = 2 * batch.states * batch.actions + 64  # as many again as there can be: it is tidied up that seldom
-    return (
-        np.zeros(lanes, np.int64),
-        np.zeros(lanes, np.int64),
-        np.zeros((lanes, most), np.uint32),
-        np.zeros((lanes, most)),
-        np.zeros((lanes, pairs + (batch.states + 2) * WIDTH), np.int32),
+    return (SarsaTraces if waits else Watkins)(
+        decay=float(decay),
+        accumulating=accumulating,
+        least=float(least),
+        first=np.zeros(lanes, np.int64),
+        end=np.zeros(lanes, np.int64),
+        place=np.zeros((lanes, most), np.uint32),
+        trace=np.zeros((lanes, most)),
+        entry=np.zeros((lanes, pairs + (batch.states + 2) * WIDTH), np.int32),
     )
 
 
@@ -85,8 +70,7 @@ def _lists(batch: Batch) -> tuple[Any, Any, Any, Any, Any]:
 def _arrive(learner, memory, lane, state, gamma):
     row = (width_of(memory) + WIDTH) * np.int64(state)
     best, tied = change(memory, row, 0, -0.0)  # which changes no value
-    memory.rows[row + width_of(memory) + WORTH] = gamma * best
-    memory.ties[state] = tied
+    note_best(memory, np.int64(state), best, tied, gamma)
 
 
 @body(begin_task, Watkins, SarsaTraces)
@@ -102,10 +86,7 @@ def _end_learning(learner, lane):
 @body(chose, Watkins)
 def _chose(learner, memory, lane, state, action):
     row = (width_of(memory) + WIDTH) * np.int64(state)
-    value, greedy = memory.rows[row + np.int64(action)], True
-    for each in range(memory.actions):
-        greedy &= memory.rows[row + each] <= value
-    if greedy:
+    if memory.rows[row + np.int64(action)] == largest(memory, row):
         _decay(learner, lane)
     else:
         learner.first[lane] = learner.end[lane] = 0

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.options import check, option
+from qinit_cli.spelling import write
 
 if TYPE_CHECKING:
     from qinit_cli.kernels.learner import Batch
@@ -26,13 +27,8 @@ class Exploration:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """As it is written on the command line: the name, and the options that are not the usual ones."""
-        given = [
-            f"{field.name}={getattr(self, field.name)}"
-            for field in fields(self)
-            if getattr(self, field.name) != field.default
-        ]
-        return ":".join([self.name, ",".join(given)] if given else [self.name])
+        """As it is written on the command line."""
+        return write(self)
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ fields are the options, and `kernel` makes what the compiled loop reads. A subcl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.options import check
 from qinit_cli.schedules import ByVisits, Exponential, Linear
+from qinit_cli.spelling import write
 
 if TYPE_CHECKING:
     from qinit_cli.kernels.learner import Batch
@@ -40,7 +41,7 @@ class Learner:
         """Why it cannot learn with these settings, the name of one of them first; empty if it can."""
         if isinstance(learning.alpha, ByVisits) and not self.counts:
             return (
-                f"alpha is {learning.alpha}; {self.name} updates many state-actions at once, so give it a number, "
+                f"alpha is {learning.alpha}; {self.name} updates many state-actions at once and takes a number, "
                 f"{Linear.form} or {Exponential.form}"
             )
         return ""
@@ -50,10 +51,5 @@ class Learner:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """As it is written on the command line: the name, and the options that are not the usual ones."""
-        given = [
-            f"{field.name.rstrip('_')}={getattr(self, field.name)}"
-            for field in fields(self)
-            if getattr(self, field.name) != field.default
-        ]
-        return ":".join([self.name, ",".join(given)] if given else [self.name])
+        """As it is written on the command line."""
+        return write(self)

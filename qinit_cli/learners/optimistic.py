@@ -14,7 +14,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class DelayedQ(Learner):
+class Optimistic(Learner):
+    """A learner without a step size that explores by values which are too large."""
+
+    steps: ClassVar[bool] = False
+    weighs: ClassVar[bool] = False
+    shapes: ClassVar[bool] = False
+    optimism: ClassVar[float] = 1.0
+    explores: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class DelayedQ(Optimistic):
     """Delayed Q-learning: after m steps from (s, a), Q(s, a) becomes the mean of their r + gamma max_b Q(s', b), plus epsilon1.
 
     It does if that lowers it by epsilon1 at least; else (s, a) learns no more until some value has changed since. The method's
@@ -22,11 +33,6 @@ class DelayedQ(Learner):
     """
 
     name: ClassVar[str] = "delayed-q"
-    steps: ClassVar[bool] = False
-    weighs: ClassVar[bool] = False
-    shapes: ClassVar[bool] = False
-    optimism: ClassVar[float] = 1.0
-    explores: ClassVar[bool] = False
     m: int = option(5, "Steps from a state-action that make one update.", low=1, high=1_000_000)
     epsilon1: float = option(0.001, "What an update adds to its mean, and lowers a value by at least.", low=0)
 
@@ -38,7 +44,7 @@ class DelayedQ(Learner):
 
 
 @dataclass(frozen=True)
-class RMax(Learner):
+class RMax(Optimistic):
     """R-Max: plans in the model of the state-actions that it has met `known` times; the others hold the method's start.
 
     A known Q(s, a) is the mean of r + gamma max_b Q(s', b) over the first `known` steps from it; a change of a state's value by
@@ -46,11 +52,6 @@ class RMax(Learner):
     """
 
     name: ClassVar[str] = "r-max"
-    steps: ClassVar[bool] = False
-    weighs: ClassVar[bool] = False
-    shapes: ClassVar[bool] = False
-    optimism: ClassVar[float] = 1.0
-    explores: ClassVar[bool] = False
     known: int = option(10, "Steps from a state-action after which it is known.", low=1, high=1_000)
     tolerance: float = option(
         1e-6, "Change of a state's value up to which those before it are left alone.", low=1e-12

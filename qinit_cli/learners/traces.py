@@ -12,13 +12,29 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.learner import Batch
     from qinit_cli.learning import Learning
 
-LAMBDA = option(0.9, "Share of a trace that lasts a step, beside gamma.", low=0, high=1)
-TRACES = option("replacing", "A state-action that is met again has a trace of 1, or one more than it had.")
-LEAST = option(0.01, "Trace below which a state-action is forgotten.", above=0, below=1)
+
+@dataclass(frozen=True)
+class Tracing(Learner):
+    """A learner with eligibility traces, which updates many state-actions at once."""
+
+    counts: ClassVar[bool] = False
+    weighs: ClassVar[bool] = False
+    lambda_: float = option(0.9, "Share of a trace that lasts a step, beside gamma.", low=0, high=1)
+    traces: Literal["replacing", "accumulating"] = option(
+        "replacing", "A state-action that is met again has a trace of 1, or one more than it had."
+    )
+    least: float = option(0.01, "Trace below which a state-action is forgotten.", above=0, below=1)
+
+    def kernel(self, learning: Learning, batch: Batch) -> Any:
+        """The traces of each lane."""
+        from qinit_cli.kernels.traces import new_traces
+
+        decay = learning.gamma * self.lambda_
+        return new_traces(batch, decay, self.traces == "accumulating", self.least, waits=self.waits)
 
 
 @dataclass(frozen=True)
-class QLambda(Learner):
+class QLambda(Tracing):
     """Watkins' Q(lambda): every Q(x, b) += alpha delta e(x, b), delta = r + gamma max_c Q(s', c) - Q(s, a).
 
     Traces e fall by gamma lambda a step, and are all cut where the action taken is not greedy. Watkins (1989); Sutton & Barto
@@ -26,21 +42,10 @@ class QLambda(Learner):
     """
 
     name: ClassVar[str] = "q-lambda"
-    counts: ClassVar[bool] = False
-    weighs: ClassVar[bool] = False
-    lambda_: float = LAMBDA
-    traces: Literal["replacing", "accumulating"] = TRACES
-    least: float = LEAST
-
-    def kernel(self, learning: Learning, batch: Batch) -> Any:
-        """The traces of each lane."""
-        from qinit_cli.kernels.traces import new_watkins
-
-        return new_watkins(batch, learning.gamma * self.lambda_, self.traces == "accumulating", self.least)
 
 
 @dataclass(frozen=True)
-class SarsaLambda(Learner):
+class SarsaLambda(Tracing):
     """Sarsa(lambda): every Q(x, b) += alpha delta e(x, b), delta = r + gamma Q(s', a') - Q(s, a), a' the action taken in s'.
 
     Traces e fall by gamma lambda a step. Where the horizon cuts an episode off, see Sarsa. Rummery & Niranjan (1994);
@@ -48,17 +53,4 @@ class SarsaLambda(Learner):
     """
 
     name: ClassVar[str] = "sarsa-lambda"
-    counts: ClassVar[bool] = False
-    weighs: ClassVar[bool] = False
     waits: ClassVar[bool] = True
-    lambda_: float = LAMBDA
-    traces: Literal["replacing", "accumulating"] = TRACES
-    least: float = LEAST
-
-    def kernel(self, learning: Learning, batch: Batch) -> Any:
-        """The traces of each lane."""
-        from qinit_cli.kernels.traces import new_sarsa_lambda
-
-        return new_sarsa_lambda(
-            batch, learning.gamma * self.lambda_, self.traces == "accumulating", self.least
-        )

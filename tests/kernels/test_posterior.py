@@ -122,25 +122,29 @@ def assert_same(
     assert (weighing.moves[task], weighing.frozen[task]) == (weighed.moves, weighed.frozen)
 
 
-@pytest.mark.parametrize("geometric", [False, True], ids=["arithmetic", "geometric"])
-@pytest.mark.parametrize("rules", RULES, ids=["weak", "strong", "never frozen"])
-def test_the_gridworld_weighs_as_the_plain_reference_does(rules: dict[str, Any], geometric: bool) -> None:
-    given, hypotheses = probability(1, len(GOALS)), grid_hypotheses(rules, geometric)
-    learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, given)
+def assert_the_gridworld_weighs_plainly(learning: Learning, hypotheses: Hypotheses) -> None:
+    given = probability(1, len(GOALS))
+    learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), learning, hypotheses, given)
     assert weighing.moves.min() > 0
     for task in range(len(GOALS)):
-        weighed = weighed_by(hypotheses, GRID)
+        weighed = weighed_by(hypotheses, learning)
         np.testing.assert_allclose(start_of(hypotheses).table, weighed.start, rtol=1e-14)
         starts = reference.xoshiro(given.starts[task])
         world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), None, starts)
         dice_, evaluation = reference.in_lanes(given.rng[task]), reference.xoshiro(given.evaluation[task])  # type: ignore[index]
         outcome = reference.learn(
-            world, GRID, weighed.start, dice_, every=7, evaluation=evaluation, weighed=weighed
+            world, learning, weighed.start, dice_, every=7, evaluation=evaluation, weighed=weighed
         )
         assert_same(learned, weighing, task, outcome, weighed)
         np.testing.assert_allclose(learned.q[task], outcome.q, rtol=0, atol=1e-12)
         lengths = [length for length, _ in outcome.evaluation]
         np.testing.assert_array_equal(learned.evaluation_steps[task], lengths)  # type: ignore[index]
+
+
+@pytest.mark.parametrize("geometric", [False, True], ids=["arithmetic", "geometric"])
+@pytest.mark.parametrize("rules", RULES, ids=["weak", "strong", "never frozen"])
+def test_the_gridworld_weighs_as_the_plain_reference_does(rules: dict[str, Any], geometric: bool) -> None:
+    assert_the_gridworld_weighs_plainly(GRID, grid_hypotheses(rules, geometric))
 
 
 @pytest.mark.parametrize("geometric", [False, True], ids=["arithmetic", "geometric"])
@@ -164,19 +168,7 @@ def test_mountain_car_weighs_as_the_plain_reference_does(rules: dict[str, Any], 
 def test_sarsas_updates_weigh_their_steps_when_the_next_action_is_known() -> None:
     """What is left of a start is the product of 1 - alpha, which changes here."""
     learning = dataclasses.replace(GRID, learner=Sarsa(), alpha=Linear(0.3, 0.05, 30))
-    given = probability(1, len(GOALS))
-    hypotheses = grid_hypotheses(RULES[0], False)
-    learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), learning, hypotheses, given)
-    assert weighing.moves.min() > 0
-    for task in range(len(GOALS)):
-        weighed, starts = weighed_by(hypotheses, learning), reference.xoshiro(given.starts[task])
-        world = reference.Gridworld(SIZE, int(GOALS[task]), float(P[task]), None, starts)
-        draws, evaluation = reference.in_lanes(given.rng[task]), reference.xoshiro(given.evaluation[task])  # type: ignore[index]
-        outcome = reference.learn(
-            world, learning, weighed.start, draws, every=7, evaluation=evaluation, weighed=weighed
-        )
-        assert_same(learned, weighing, task, outcome, weighed)
-        np.testing.assert_allclose(learned.q[task], outcome.q, rtol=0, atol=1e-12)
+    assert_the_gridworld_weighs_plainly(learning, grid_hypotheses(RULES[0], False))
 
 
 @pytest.mark.parametrize("lanes", [1, 3, 4, 9])
