@@ -164,14 +164,12 @@ def _pick_bounds(explore, memory, lane, state, episode, drawn):
 @part
 def expectation(explore, memory, lane, state, episode):
     """The mean of a state's values under the exploration."""
-    row, summed, epsilon = (
-        (width_of(memory) + WIDTH) * np.int64(state),
-        0.0,
-        np.float64(limit_of(explore, episode)) * 2.0**-20,
-    )
-    for action in range(memory.actions):
+    row, summed = (width_of(memory) + WIDTH) * np.int64(state), 0.0
+    best, epsilon = memory.rows[row], np.float64(limit_of(explore, episode)) * 2.0**-20
+    for action in range(memory.actions):  # one loop for both: two are a tenth slower
         summed += memory.rows[row + action]
-    return epsilon * (summed / memory.actions) + (1.0 - epsilon) * largest(memory, row)
+        best = max(best, memory.rows[row + action])
+    return epsilon * (summed / memory.actions) + (1.0 - epsilon) * best
 
 
 @body(expectation, Softmax)
