@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.options import check, option
+from qinit_cli.rewards import UNIT, Bounds
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
@@ -76,7 +78,10 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class FittedTables:
-    """Statistics of the source tables per state-action; NaN where no source has a positive value."""
+    """Statistics of the source tables per state-action; NaN where no source has a positive value.
+
+    Q stands for its share of the attainable return, see rewards.Bounds: with rewards of 1 at the goal, Q itself.
+    """
 
     mu: Floats  # (S, A) mean of ln Q
     sigma: Floats  # (S, A) standard deviation of ln Q, ddof 0
@@ -91,6 +96,7 @@ class FittedTables:
     library_q: Floats  # (K, S, A)
     library_td_var: Floats  # (K, S, A)
     estimator: str
+    bounds: Bounds = UNIT  # of the sources' returns
 
     TABLES: ClassVar[tuple[str, ...]] = (
         "mu",
@@ -104,17 +110,56 @@ class FittedTables:
         "n",
     )
 
+    LEVELS: ClassVar[tuple[str, ...]] = (  # values, in artefacts as returns
+        "lognormal_median",
+        "lognormal_mean",
+        "mean",
+        "min",
+        "max",
+        "value_mean",
+        "library_q",
+    )
+    SPREADS: ClassVar[Mapping[str, int]] = {"std": 1, "library_td_var": 2}  # and powers of them
+
     @property
     def known(self) -> Flags:
         """Where at least one source has a positive value, (S, A)."""
         return self.n > 0
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, Any], states: int, estimator: str) -> FittedTables:
-        """The fit in an artefact's arrays, whose state axes are laid out as one."""
+    def from_arrays(
+        cls, arrays: dict[str, Any], states: int, estimator: str, bounds: Bounds = UNIT
+    ) -> FittedTables:
+        """The fit in an artefact's arrays of returns within the bounds, their state axes laid out as one."""
+        arrays = in_shares(arrays, bounds)
         flat = {name: arrays[name].reshape(states, -1) for name in cls.TABLES}
         library = {
             name: arrays[name].reshape(len(arrays[name]), states, -1)
             for name in ("library_q", "library_td_var")
         }
-        return cls(**flat, **library, value_mean=arrays["value_mean"].reshape(states), estimator=estimator)
+        return cls(
+            **flat,
+            **library,
+            value_mean=arrays["value_mean"].reshape(states),
+            estimator=estimator,
+            bounds=bounds,
+        )
+
+
+def in_shares(arrays: Mapping[str, Any], bounds: Bounds) -> dict[str, Any]:
+    """The arrays of a fit with shares in the place of returns."""
+    return _mapped(arrays, bounds.shares, 1 / bounds.width)
+
+
+def in_returns(arrays: Mapping[str, Any], bounds: Bounds) -> dict[str, Any]:
+    """The inverse of `in_shares`."""
+    return _mapped(arrays, bounds.returns, bounds.width)
+
+
+def _mapped(arrays: Mapping[str, Any], level: Callable[[Any], Any], scale: float) -> dict[str, Any]:
+    mapped = dict(arrays)
+    mapped |= {name: level(arrays[name]) for name in FittedTables.LEVELS if name in arrays}
+    if scale != 1.0:
+        powers = FittedTables.SPREADS
+        mapped |= {name: arrays[name] * scale ** powers[name] for name in powers if name in arrays}
+    return mapped

@@ -208,11 +208,8 @@ class Run(Saved):
 
     def returns(self) -> Floats:
         """The discounted return of every episode, (T, E)."""
-        from qinit_cli.analysis.returns import discounted_returns
-
         with self._opened() as artefact:
-            run = compared.ComparedRun.from_artefact(artefact)
-        return discounted_returns(run.steps, run.reached, run.gamma)
+            return compared.ComparedRun.from_artefact(artefact).returns()
 
 
 class Tuning(Saved):

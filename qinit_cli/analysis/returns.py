@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.arrays import Flags, Floats
 from qinit_cli.elementary import power
+from qinit_cli.rewards import Payment, exact_returns
 
 JUMPSTART_EPISODES = 10
 ASYMPTOTIC_SHARE = 0.1
@@ -15,6 +19,18 @@ ASYMPTOTIC_SHARE = 0.1
 def discounted_returns(steps: NDArray[np.integer], reached: Flags, gamma: float) -> Floats:
     """gamma^(steps - 1) where the goal was reached, else 0, (T, E): the reward is 1 on entering the goal."""
     return np.where(reached, power(gamma, steps - 1.0), 0.0)
+
+
+def earned(rows: Mapping[str, Any], paid: Payment | None, gamma: float) -> Floats:
+    """The discounted return of each episode, (T, E), of rows of a run.
+
+    Where every step pays -1 until the goal, an episode without the goal counts as if it never came. Where the world told its
+    rewards the returns stand in the rows.
+    """
+    if "return" in rows:
+        return np.asarray(rows["return"])
+    reached = np.asarray(rows["reached"], dtype=np.bool_)
+    return exact_returns(paid, gamma, discounted_returns(rows["steps"], reached, gamma))
 
 
 def restricted_steps(steps: NDArray[np.integer], horizon: int) -> Floats:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from qinit_cli.rewards import UNIT, Bounds
 from qinit_store.schema import TASK, Axis, Column, digest_column
 
 LONGEST = 1e10  # seconds of a task: three hundred years
@@ -30,3 +33,36 @@ def kept() -> tuple[Column, ...]:
 def index(name: str, length: int) -> Axis:
     """An axis that counts from 0."""
     return Axis(name, np.arange(length, dtype=np.int64), "1", f"index of the {name}")
+
+
+# columns of returns within their bounds; those of spreads, with the power of a return that they are
+RETURNS = {
+    "q",
+    "start",
+    "mean",
+    "min",
+    "max",
+    "value_mean",
+    "library_q",
+    "return",
+    "v_star",
+    "v_eps",
+    "eval_return",
+    "average",
+}
+SPREADS = {"std": 1, "td_var": 2, "library_td_var": 2}
+
+
+def within_bounds(columns: Iterable[Column], bounds: Bounds) -> tuple[Column, ...]:
+    """The columns, made for returns from 0 to 1, with the least and the largest value that these bounds allow."""
+    from dataclasses import replace
+
+    if bounds == UNIT:
+        return tuple(columns)
+    slack = ROUNDING * bounds.width
+    limits = dict.fromkeys(RETURNS, (bounds.low - slack, bounds.high + slack))
+    limits |= {name: (0.0, bounds.width**power * (1 + ROUNDING)) for name, power in SPREADS.items()}
+    return tuple(
+        replace(one, low=limits[one.name][0], high=limits[one.name][1]) if one.name in limits else one
+        for one in columns
+    )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
+from qinit_cli.rewards import UNIT, Bounds
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import FitSettings, Spec
@@ -45,7 +46,9 @@ class FitKind(Kind["FitSettings"]):
         names = (*(axis.name for axis in states), action.name)
         everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
         library = artefact.schema.sizes["library"]
-        return fit_schema(states, action, library, *fit_statistics(everything, names)).columns
+        sources = self.read(artefact.spec).sources
+        bounds = sources.family.bounds(sources.learning.gamma)
+        return fit_schema(states, action, library, *fit_statistics(everything, names), bounds=bounds).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         sources = self.read(artefact.spec).sources
@@ -97,11 +100,12 @@ def fit_schema(
     library: int,
     more_axes: tuple[Axis, ...] = (),
     more: tuple[Column, ...] = (),
+    bounds: Bounds = UNIT,
 ) -> Schema:
     """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
     import math
 
-    from qinit_cli.artefacts.columns import ROUNDING, index
+    from qinit_cli.artefacts.columns import ROUNDING, index, within_bounds
     from qinit_store.schema import Column, Schema
 
     state = tuple(axis.name for axis in state_axes)
@@ -178,4 +182,6 @@ def fit_schema(
         Column("library_task", ("library",), "i8", long_name="task id of the source", low=0),
     )
     axes = (*state_axes, action, index("library", library), *more_axes)
-    return Schema("fit", axes, (*moments, *counts, *tables, *more))
+    return Schema(
+        "fit", axes, (*within_bounds(moments, bounds), *counts, *within_bounds(tables, bounds), *more)
+    )

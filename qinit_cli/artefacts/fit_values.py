@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from qinit_cli.artefacts.settings import FitSettings
+from qinit_cli.fitted import in_shares
 from qinit_store.reading import Artefact
 
 LEAST = 1e-300  # below, numbers lose digits
@@ -32,7 +35,12 @@ def _check_unknown(artefact: Artefact) -> None:
 
 def _check_moments(artefact: Artefact) -> None:
     """ValueError where statistics of a fit contradict one another."""
+    sources = FitSettings.read(artefact.spec).sources
+    bounds = sources.family.bounds(sources.learning.gamma)
+    if not math.isfinite(bounds.width):  # of a plug-in that is not installed
+        return
     tables = {name: artefact.read(name) for name in ("n", *COUNTED["n"], *ESTIMATED)}
+    tables = in_shares(tables, bounds)
     known = tables["n"] > 0
     mu, sigma, mean, std, least, most, median, average = (
         tables[name][known] for name in (*COUNTED["n"], *ESTIMATED)

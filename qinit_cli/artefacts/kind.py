@@ -185,7 +185,7 @@ class Kind(ABC, Generic[Told]):
         return []
 
     def needed(self, table: str) -> tuple[str, ...]:
-        """The datasets that the derived columns are made of."""
+        """The datasets that the derived columns are made of, those that are there."""
         return ()
 
     def derived(self, artefact: Artefact, table: str, block: Mapping[str, Array]) -> dict[str, Array]:

@@ -37,6 +37,7 @@ def fields(artefact: Artefact, table: str) -> list[Field]:
         )
         for name, axis in artefact.axes.items()
     }
+    there = {column.name for column in values}
     named = [Field(name, "str", "", f"the {name}") for name in _labels(artefact)]
     coordinates = [
         field
@@ -47,7 +48,7 @@ def fields(artefact: Artefact, table: str) -> list[Field]:
         *named,
         *coordinates,
         *(known[column.name] for column in values),
-        *KINDS[artefact.kind].derived_fields(table),
+        *(one for one in KINDS[artefact.kind].derived_fields(table) if one.name not in there),
     ]
 
 
@@ -114,7 +115,9 @@ def _blocks(
     if not names:
         yield 0, statics
         return
-    names += [name for name in (*KINDS[artefact.kind].needed(table), DIGEST) if name not in names]
+    there = {column.name for column in artefact.schema.columns}
+    needed = [name for name in KINDS[artefact.kind].needed(table) if name in there]
+    names += [name for name in (*needed, DIGEST) if name not in names]
     first = 0
     for block in artefact.blocks(names, artefact.schema.block_size):
         yield first, block | statics

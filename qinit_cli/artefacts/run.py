@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
 from qinit_cli.learners.exploration import EpsilonGreedy
+from qinit_cli.rewards import UNIT, Bounds
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod
@@ -93,7 +94,14 @@ class RunKind(Kind["RunSettings"]):
             updating="visits" in there,
             hypotheses=sizes.get("hypothesis", 0),
             moments=axes["moment"].values if "moment" in axes else None,
+            bounds=self._bounds(artefact),
+            told_returns="return" in there,
         ).columns
+
+    def _bounds(self, artefact: Artefact) -> Bounds:
+        """The least and the largest return of its targets."""
+        settings = self.read(artefact.spec)
+        return settings.family.bounds(settings.learning.gamma)
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         learning = self.read(artefact.spec).learning
@@ -105,9 +113,14 @@ class RunKind(Kind["RunSettings"]):
         from qinit_cli.artefacts.columns import ROUNDING
         from qinit_cli.methods import METHODS
 
-        own = METHODS.is_own(self.read(artefact.spec).method.name)
-        # potentials of our methods are from 0 to 1, and a shaped value is a plain one less its potential
-        ours = {"potential": (0.0, 1 + ROUNDING), "q": (-1 - ROUNDING, 2 + ROUNDING)} if own else {}
+        own, bounds = METHODS.is_own(self.read(artefact.spec).method.name), self._bounds(artefact)
+        slack, width = ROUNDING * bounds.width, bounds.width
+        # potentials of our methods are within the bounds, or 0, and a shaped value is a plain one less its potential
+        ours = {
+            "potential": (min(0.0, bounds.low - (bounds != UNIT) * slack), max(0.0, bounds.high) + slack),
+            "q": (bounds.low - width - slack, bounds.high + width + slack),
+        }
+        ours = ours if own else {}
         found = super().within(columns, artefact)
         return [
             replace(one, low=ours[one.name][0], high=ours[one.name][1]) if one.name in ours else one
@@ -119,8 +132,9 @@ class RunKind(Kind["RunSettings"]):
 
         from qinit_cli.analysis import returns
 
-        learning = self.read(artefact.spec).learning
-        gamma, horizon = learning.gamma, learning.horizon
+        settings = self.read(artefact.spec)
+        gamma, horizon = settings.learning.gamma, settings.learning.horizon
+        paid = settings.family.payment(gamma)
         values = [
             name
             for name in ("v_star", "v_eps")
@@ -128,9 +142,10 @@ class RunKind(Kind["RunSettings"]):
         ]
         totals = dict.fromkeys(values, 0.0)
         earned, reached, restricted = (np.zeros(artefact.schema.sizes["episode"]) for _ in range(3))
-        for block in artefact.blocks(("steps", "reached", *values), artefact.schema.block_size):
+        columns = ("steps", "reached", *self.told(artefact), *values)
+        for block in artefact.blocks(columns, artefact.schema.block_size):
             arrived = block["reached"].astype(bool)
-            earned += returns.discounted_returns(block["steps"], arrived, gamma).sum(axis=0)
+            earned += returns.earned(block, paid, gamma).sum(axis=0)
             reached += arrived.sum(axis=0)
             restricted += returns.restricted_steps(block["steps"], horizon).sum(axis=0)
             for name in values:
@@ -174,17 +189,21 @@ class RunKind(Kind["RunSettings"]):
         ]
         return {"episodes": [earned], "targets": [*totals, DIGEST_FIELD]}.get(table, [])
 
+    def told(self, artefact: Artefact) -> tuple[str, ...]:
+        """The column of returns, where the world told its rewards."""
+        return ("return",) if "return" in {column.name for column in artefact.schema.columns} else ()
+
     def needed(self, table: str) -> tuple[str, ...]:
-        return ("steps", "reached") if table in ("episodes", "targets") else ()
+        return ("steps", "reached", "return") if table in ("episodes", "targets") else ()
 
     def derived(self, artefact: Artefact, table: str, block: Mapping[str, Array]) -> dict[str, Array]:
         from qinit_cli.analysis import returns
 
         if not self.needed(table):
             return {}
-        learning = self.read(artefact.spec).learning
-        reached = block["reached"].astype(bool)
-        earned = returns.discounted_returns(block["steps"], reached, learning.gamma)
+        settings = self.read(artefact.spec)
+        learning, reached = settings.learning, block["reached"].astype(bool)
+        earned = returns.earned(block, settings.family.payment(learning.gamma), learning.gamma)
         return {
             "return": earned,
             "average_return": returns.average(earned),
@@ -219,16 +238,19 @@ def run_schema(
     hypotheses: int = 0,
     moments: Array | None = None,
     attainable: bool = True,
+    bounds: Bounds = UNIT,
+    told_returns: bool = False,
 ) -> Schema:
     """What target tasks leave behind; start and potential have a task axis where they depend on it.
 
-    What is `attainable` while exploring is known of epsilon-greedy alone; of others v_eps is NaN.
+    What is `attainable` while exploring is known of epsilon-greedy alone; of others v_eps is NaN. `told_returns`: the world tells
+    its rewards, so that returns do not follow from steps.
     `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
     many episodes as `moments` says stand there too.
     """
     import numpy as np
 
-    from qinit_cli.artefacts.columns import ROUNDING, index, kept
+    from qinit_cli.artefacts.columns import ROUNDING, index, kept, within_bounds
     from qinit_store.schema import TASK, Axis, Column, Schema, digest_axis
 
     state = tuple(axis.name for axis in state_axes)
@@ -248,6 +270,12 @@ def run_schema(
         *parameters,
         *kept(),
     ]
+    if told_returns:
+        columns.append(
+            Column(
+                "return", (TASK, "episode"), "f8", long_name="discounted return of the episode", low=0, high=1
+            )
+        )
     if exact_values:
         columns += [
             Column("v_star", (TASK,), "f8", long_name="optimal value of the start", low=0, high=1 + ROUNDING),
@@ -303,7 +331,7 @@ def run_schema(
             "moment", np.empty(0, np.int64) if moments is None else moments, "1", "episodes that had ended"
         )
         indices += [after, index("hypothesis", hypotheses)]
-    return Schema("run", (*state_axes, action, *indices, digest_axis()), tuple(columns))
+    return Schema("run", (*state_axes, action, *indices, digest_axis()), within_bounds(columns, bounds))
 
 
 def _weighing() -> tuple[Column, ...]:

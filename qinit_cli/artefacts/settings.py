@@ -7,6 +7,7 @@ that an earlier version did not have may be missing if its option has a default;
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -23,6 +24,7 @@ from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
 from qinit_cli.options import is_of
 from qinit_cli.registry import PLUG_IN
+from qinit_cli.rewards import UNIT, Bounds, Payment, payment
 from qinit_cli.schedules import Schedule, schedule
 from qinit_store.guard import MOST_TASKS
 
@@ -75,7 +77,11 @@ class StoredFamily:
     @classmethod
     def of(cls, family: Family) -> Self:
         """The family, to be stored."""
-        return cls(family.name, _plain(asdict(family)), family)  # type: ignore[call-overload]  # a dataclass
+        told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
+        # left out where it is the goal's, as before families had another
+        return cls(
+            family.name, {key: told[key] for key in told if (key, told[key]) != ("reward", "goal")}, family
+        )
 
     @classmethod
     def read(cls, told: Any) -> Self:
@@ -95,6 +101,20 @@ class StoredFamily:
             return self.here.label
         given = [f"{key}={value}" for key, value in sorted(self.options.items()) if value is not None]
         return " ".join([self.name, *given])
+
+    def payment(self, gamma: float) -> Payment | None:
+        """What its steps pay; of a family that is not installed, all that its options tell."""
+        if self.here is not None:
+            return self.here.payment(gamma)
+        reward = str(self.options.get("reward", "goal"))
+        if reward == "native":
+            return Payment(Bounds(-math.inf, math.inf), None, 0.0)
+        return payment(reward, gamma)
+
+    def bounds(self, gamma: float) -> Bounds:
+        """The least and the largest return of its tasks."""
+        paid = self.payment(gamma)
+        return UNIT if paid is None else paid.bounds
 
     def installed(self, provenance: Mapping[str, Any] | None = None) -> Family:
         """The family; NotAllowed where it is not installed. The artefact's `provenance` tells which plug-in is missing."""

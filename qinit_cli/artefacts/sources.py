@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
+from qinit_cli.rewards import SHARE, UNIT, Bounds
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,7 +52,9 @@ class SourcesKind(Kind["SourcesSettings"]):
         return {"bin": curve_bins(settings.learner, settings.learning)}
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
-        return sources_schema(*self.axes(artefact), (), artefact.schema.sizes.get("bin", 0)).columns
+        settings, bins = self.read(artefact.spec), artefact.schema.sizes.get("bin", 0)
+        bounds = settings.family.bounds(settings.learning.gamma)
+        return sources_schema(*self.axes(artefact), (), bins, bounds).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         settings = self.read(artefact.spec)
@@ -80,7 +84,8 @@ class SourcesKind(Kind["SourcesSettings"]):
         errors: list[Floats] = []
         parameters = [] if family is None else [column.name for column in family.parameters()]
         columns = ("q", "visits", "solved", "steps", "seconds", *parameters)
-        for block in artefact.blocks(columns, artefact.schema.block_size):
+        bounds = settings.family.bounds(settings.learning.gamma)
+        for block in blocks_in_shares(artefact, columns):
             solved += int(block["solved"].sum())
             steps += int(block["steps"].sum())
             seconds += float(block["seconds"].sum())
@@ -108,11 +113,12 @@ class SourcesKind(Kind["SourcesSettings"]):
         values = np.concatenate([np.empty(0), *start_values])
         if len(values):
             numbers |= {
-                "start_value_median": float(np.median(values)),
+                "start_value_median": float(np.median(bounds.returns(values))),
                 "start_value_zero": int((values <= 0).sum()),
             }
+        quantity = "Q" if bounds == UNIT else SHARE
         title = "ln of the greedy value at the target start, over tasks"
-        return Shown(numbers, ln(values[values > 0]), "histogram", title, "ln Q")
+        return Shown(numbers, ln(values[values > 0]), "histogram", title, f"ln {quantity}")
 
     def reported(self, told: SourcesSettings) -> Iterator[Reported]:
         yield Reported("Source tasks", told.spec())
@@ -125,10 +131,14 @@ SOURCES = SourcesKind()
 
 
 def sources_schema(
-    state_axes: tuple[Axis, ...], action: Axis, parameters: tuple[Column, ...], bins: int
+    state_axes: tuple[Axis, ...],
+    action: Axis,
+    parameters: tuple[Column, ...],
+    bins: int,
+    bounds: Bounds = UNIT,
 ) -> Schema:
     """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
-    from qinit_cli.artefacts.columns import ROUNDING, index, kept
+    from qinit_cli.artefacts.columns import ROUNDING, index, kept, within_bounds
     from qinit_store.schema import TASK, Column, Schema, digest_axis
 
     state_action = (*(axis.name for axis in state_axes), action.name)
@@ -171,7 +181,51 @@ def sources_schema(
         *kept(),
     )
     axes = (*state_axes, action, *([index("bin", bins)] if bins else []), digest_axis())
-    return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
+    bounded = within_bounds(tables, bounds)
+    return Schema("sources", axes, (*bounded, *(curve if bins else ()), *parameters, *totals))
+
+
+def blocks_in_shares(
+    artefact: Artefact, names: Sequence[str], size: int | None = None
+) -> Iterator[dict[str, Any]]:
+    """The columns in blocks of tasks, `q` and `td_var` as shares of the attainable return, see rewards.Bounds."""
+    shares = Shares.of(artefact)
+    for block in artefact.blocks((*names, *shares.needed), size or artefact.schema.block_size):
+        yield shares.block(block)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """How the returns in sources become shares of the attainable return."""
+
+    bounds: Bounds
+    learned: bool
+
+    @classmethod
+    def of(cls, artefact: Artefact) -> Self:
+        """Those of the sources in an artefact."""
+        settings = SOURCES.read(artefact.spec)
+        return cls(settings.family.bounds(settings.learning.gamma), settings.learner != "exact")
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The columns that say which pairs were learned, beside the values."""
+        return ("visits",) if self.learned and self.bounds != UNIT else ()
+
+    def block(self, block: Mapping[str, Any]) -> dict[str, Any]:
+        """The block with shares: 0, which a fit leaves out, for a pair that a learner never visited."""
+        import numpy as np
+
+        if self.bounds == UNIT:
+            return dict(block)
+        found = dict(block)
+        if "q" in found:
+            found["q"] = self.bounds.shares(found["q"])
+            if self.learned:  # it holds its start, which may be any return
+                found["q"] = np.where(found["visits"] > 0, found["q"], 0.0)
+        if "td_var" in found:
+            found["td_var"] = found["td_var"] / self.bounds.width**2
+        return found
 
 
 def _tasks(family: Family, block: dict[str, Any]) -> Tasks:

@@ -45,6 +45,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.commands.console import Printed
     from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.results import say_expected, say_result, warn
+    from qinit_cli.environments.family import bounds_of
     from qinit_cli.pipeline.degenerate import of_fit
     from qinit_cli.pipeline.estimate import Expected
     from qinit_cli.pipeline.fitting import asked_of, bytes_of, make_fit
@@ -61,9 +62,9 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     found = findings(arrays | names, fitting)
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
-    warn(
-        made, "", [*outdated(asked.settings), *of_fit(asked.settings.sources.learning.gamma, arrays)], display
-    )
+    gamma = asked.settings.sources.learning.gamma
+    weak = of_fit(gamma, bounds_of(asked.family, gamma), arrays)
+    warn(made, "", [*outdated(asked.settings), *weak], display)
     say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
 
 

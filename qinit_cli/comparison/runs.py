@@ -19,7 +19,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats
+    from qinit_cli.rewards import Bounds
     from qinit_store.reading import Artefact
+
+
+OF_TARGETS = (  # what a run has of each target
+    "steps",
+    "reached",
+    "attainable",
+    "v_star",
+    "evaluation_steps",
+    "evaluation_reached",
+    "told_returns",
+    "told_evaluations",
+)
 
 
 @dataclass(frozen=True)
@@ -39,6 +52,8 @@ class ComparedRun:
     )  # (T, V) of greedy evaluations while learning; None where not kept
     evaluation_reached: Flags | None  # (T, V) likewise
     target_digest: str  # equal for runs that met the same targets: these are compared in pairs
+    told_returns: Floats | None = None  # (T, E) where the world told its rewards
+    told_evaluations: Floats | None = None  # (T, V) likewise
     unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
     drawn: tuple[NDArray[Any], ...] = ()  # (T,) each of the targets' ids and parameters
 
@@ -56,6 +71,20 @@ class ComparedRun:
     def gamma(self) -> float:
         """The discount of its returns."""
         return self.settings.learning.gamma
+
+    @property
+    def bounds(self) -> Bounds:
+        """The least and the largest return."""
+        return self.settings.family.bounds(self.gamma)
+
+    def returns(self) -> Floats:
+        """The discounted return of every episode, (T, E)."""
+        from qinit_cli.analysis.returns import earned
+
+        rows: dict[str, Any] = {"steps": self.steps, "reached": self.reached}
+        if self.told_returns is not None:
+            rows["return"] = self.told_returns
+        return earned(rows, self.settings.family.payment(self.gamma), self.gamma)
 
     @property
     def horizon(self) -> int:
@@ -77,17 +106,16 @@ class ComparedRun:
         if count > len(self.steps):
             raise NotAllowed(f"{self.name} has {counted(len(self.steps), 'target')}; {count} are needed")
         drawn = tuple(values[:count] for values in self.drawn)
+        there = {name: getattr(self, name) for name in OF_TARGETS}
+        first: dict[str, Any] = {
+            name: values if values is None else values[:count] for name, values in there.items()
+        }
         return replace(
             self,
             settings=replace(self.settings, tasks=count),
-            steps=self.steps[:count],
-            reached=self.reached[:count],
-            attainable=None if self.attainable is None else self.attainable[:count],
-            v_star=None if self.v_star is None else self.v_star[:count],
-            evaluation_steps=None if self.evaluation_steps is None else self.evaluation_steps[:count],
-            evaluation_reached=None if self.evaluation_reached is None else self.evaluation_reached[:count],
             drawn=drawn,
             target_digest=_target_digest(self.settings, drawn),
+            **first,
         )
 
     def greedy(self) -> ComparedRun:
@@ -104,6 +132,7 @@ class ComparedRun:
             steps=self.evaluation_steps,
             reached=self.evaluation_reached,
             attainable=self.v_star,
+            told_returns=self.told_evaluations,
             unit="evaluations",
         )
 
@@ -113,7 +142,9 @@ class ComparedRun:
         settings = RunSettings.read(artefact.spec)
         parameters = _parameters(settings.family)
         names = {column.name for column in artefact.schema.task_columns}
-        there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached"))
+        there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached", "return"))
+        if "return" in there and settings.evaluate_every:
+            there.add("eval_return")
         wanted = ("steps", "reached", *parameters, *there)
         rows = artefact.columns(wanted)
         drawn = (artefact.tasks, *(rows[name] for name in parameters))
@@ -129,6 +160,8 @@ class ComparedRun:
             evaluation_steps=rows.get("eval_steps"),
             evaluation_reached=rows["eval_reached"].astype(bool) if "eval_reached" in names else None,
             target_digest=_target_digest(settings, drawn),
+            told_returns=rows.get("return"),
+            told_evaluations=rows.get("eval_return"),
             drawn=drawn,
         )
 

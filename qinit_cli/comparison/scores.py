@@ -36,7 +36,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Arrival:
-    """When the return comes to half of what learning can hope for."""
+    """When the return comes to half of what learning can hope for, counted from the least return."""
 
     times: Integers  # (T,) the episode that ends the first window that is good enough; the last where none is
     reached: Flags  # (T,) whether one is
@@ -58,7 +58,9 @@ def scores(run: ComparedRun, metric: Metric, possible: Floats | None) -> Scores:
         success=returns.average(curve(run, "success")),
         regret=None if possible is None else possible - returns.average(earned),
         # evaluations stand far apart: no window of them is a stretch of learning
-        arrival=None if possible is None or greedy else _arrival(earned, possible),
+        arrival=None
+        if possible is None or greedy
+        else _arrival(run.bounds.shares(earned), run.bounds.shares(possible)),
     )
 
 
@@ -68,7 +70,7 @@ def curve(run: ComparedRun, metric: Metric) -> Floats:
 
     match metric:
         case "return":
-            return returns.discounted_returns(run.steps, run.reached, run.gamma)
+            return run.returns()
         case "success":
             return run.reached.astype(float)
         case "steps":
@@ -100,6 +102,7 @@ def _attains(method: str) -> bool:
 
 
 def _arrival(earned: Floats, possible: Floats) -> Arrival:
+    """When shares (T, E) come to half of those that are possible, (T,)."""
     from qinit_cli.analysis.survival import time_to_threshold
 
     # half of nothing would be reached at once: who can hope for nothing never arrives

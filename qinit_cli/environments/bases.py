@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, options
+from qinit_cli.rewards import Payment, exact_returns, exact_variances, payment
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,6 +33,7 @@ class NeutralFamily:
 
     name: ClassVar[str]
     actions: ClassVar[tuple[str, ...]]
+    reward: Any = "goal"  # a class attribute, or an option, see rewards.reward_option
     tabular: ClassVar[bool] = False
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100
@@ -111,6 +113,10 @@ class NeutralFamily:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
+    def payment(self, gamma: float) -> Payment | None:
+        """What steps pay by the field `reward`; None, 1 on reaching the goal, for a family without one."""
+        return payment(self.reward, gamma)
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as a compiled loop takes them."""
         raise NotImplementedError
@@ -168,6 +174,14 @@ class TableFamily(NeutralFamily):
             )
         return there
 
+    def _gains(self, there: Tables, paid: Payment | None, gamma: float) -> Floats | None:
+        """The rewards of the tables as shares of the way between the bounds; None where the goal or the step decides them."""
+        if paid is None or paid.step is not None:
+            return None
+        if there.reward is None:
+            raise NotAllowed(f"{self.name} has no rewards in its tables, which --reward native asks for")
+        return there.gains(paid.bounds, gamma)
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them."""
         from qinit_cli.kernels.random_streams import seeds
@@ -181,10 +195,14 @@ class TableFamily(NeutralFamily):
         from qinit_cli.kernels import tables_exact
 
         there = self._tables(tasks)
+        paid = self.payment(gamma)
+        gains = self._gains(there, paid, gamma)
         q = np.empty(there.after.shape[:3])
         td_var = np.empty_like(q)
-        tables_exact.solve(there.after, there.probability, there.open, gamma, EXACT_TOLERANCE, q, td_var)
-        return q, td_var
+        tables_exact.solve(
+            there.after, there.probability, there.open, gains, gamma, EXACT_TOLERANCE, q, td_var
+        )
+        return exact_returns(paid, gamma, q), exact_variances(paid, gamma, td_var)
 
     def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
@@ -192,12 +210,13 @@ class TableFamily(NeutralFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        there = self._tables(tasks)
+        there, paid = self._tables(tasks), self.payment(learning.gamma)
         value = np.empty(q.shape[:2])
         tables_exact.exploring_value(
             there.after,
             there.probability,
             there.open,
+            self._gains(there, paid, learning.gamma),
             learning.gamma,
             learning.last_epsilon,
             EXACT_TOLERANCE,
@@ -205,7 +224,7 @@ class TableFamily(NeutralFamily):
             value,
         )
         at_start: Floats = (value * there.start).sum(axis=1)
-        return at_start
+        return exact_returns(paid, learning.gamma, at_start)
 
     def start_value(self, q: Floats) -> Floats:
         """max_a of `q` (B, S, A) at the target start, (B,); its mean where that is drawn."""

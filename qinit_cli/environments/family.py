@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from qinit_cli.learning import Learning
+from qinit_cli.rewards import UNIT, Bounds, Payment
 from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Family(Protocol):
-    """A distribution of tasks over one state-action space: reward 1 on entering a terminal goal, else 0."""
+    """A distribution of tasks over one state-action space with a terminal goal."""
 
     name: ClassVar[str]
     source_tasks: ClassVar[int]
@@ -97,6 +98,10 @@ class Family(Protocol):
         """Why its tasks cannot be learned so; empty if they can."""
         ...
 
+    def payment(self, gamma: float) -> Payment | None:
+        """What steps pay, and the bounds of the return with the discount gamma; None: 1 on reaching the goal."""
+        ...
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the family's compiled loop takes them.
 
@@ -156,10 +161,17 @@ def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers) -> 
     return np.array(drawn, dtype=dtype)
 
 
+def bounds_of(family: Family, gamma: float) -> Bounds:
+    """The least and the largest return of the family's tasks."""
+    paid = family.payment(gamma)
+    return UNIT if paid is None else paid.bounds
+
+
 def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:
-    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A)."""
+    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A); as shares, see rewards.Bounds."""
     import numpy as np
 
     exact, _ = family.solve(tasks, gamma)
+    exact = bounds_of(family, gamma).shares(exact)
     known = exact > 0
     return np.where(known, np.abs(q - exact) / np.where(known, exact, 1.0), np.nan)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from qinit_cli.environments.normal_goals import NormalGoals
 from qinit_cli.environments.slippery_grid import START, SlipperyGrid
 from qinit_cli.options import check, option
+from qinit_cli.rewards import REWARD, Reward
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,6 +35,7 @@ class Gridworld(SlipperyGrid):
     )
     p_low: float = option(0.6, "Lowest probability that a move goes where it was meant to.", low=0.25, high=1)
     p_high: float = option(0.9, "Highest such probability; each task draws its own.", low=0.25, high=1)
+    reward: Reward = option("goal", REWARD)
 
     name: ClassVar[str] = "gridworld"
 

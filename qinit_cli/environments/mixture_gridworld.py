@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from qinit_cli.environments.normal_goals import NormalGoals
 from qinit_cli.environments.slippery_grid import SlipperyGrid
 from qinit_cli.options import check, option
+from qinit_cli.rewards import REWARD, Reward
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,6 +35,7 @@ class MixtureGridworld(SlipperyGrid):
     weights: str = option("1", "How often each mean is drawn, relative to the others; or 1: equally often.")
     p_low: float = option(0.6, "Lowest probability that a move goes where it was meant to.", low=0.25, high=1)
     p_high: float = option(0.9, "Highest such probability; each task draws its own.", low=0.25, high=1)
+    reward: Reward = option("goal", REWARD)
 
     name: ClassVar[str] = "mixture-gridworld"
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
+from qinit_cli.rewards import REWARD, Payment, Reward, in_label, payment
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,6 +47,7 @@ class MountainCar:
     target_start: Literal["point", "valley"] = option(
         "point", "Where targets start: at rest at x = -0.5, or as Gymnasium has it at x ~ U(-0.6, -0.4)."
     )
+    reward: Reward = option("goal", REWARD)
 
     name: ClassVar[str] = "mountain-car"
     actions: ClassVar[tuple[str, ...]] = ("left", "none", "right")
@@ -71,7 +73,8 @@ class MountainCar:
         bins = "" if self.bins == 30 else f"-{self.bins}"
         hill = "" if self.hill == 0 else f"-hill-{self.hill:g}"
         start = "" if self.target_start == "point" else f"-from-the-{self.target_start}"
-        return f"mountain-car{bins}-noise{variance}-{self.noise:g}{step}{hill}{start}"
+        reward = in_label(self.reward)
+        return f"mountain-car{bins}-noise{variance}-{self.noise:g}{step}{hill}{start}{reward}"
 
     @property
     def warning(self) -> str:
@@ -141,6 +144,10 @@ class MountainCar:
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so: nothing."""
         return ""
+
+    def payment(self, gamma: float) -> Payment | None:
+        """What steps pay; None: 1 on reaching the goal."""
+        return payment(self.reward, gamma)
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them; `own` are the streams of pushes that are drawn every step."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.learning import Learning
+from qinit_cli.rewards import Payment, exact_returns, exact_variances, in_label, payment
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +31,7 @@ class SlipperyGrid:
     size: int
     p_low: float
     p_high: float
+    reward: str
 
     actions: ClassVar[tuple[str, ...]] = ("up", "down", "left", "right")
     tabular: ClassVar[bool] = True
@@ -51,7 +53,7 @@ class SlipperyGrid:
         """The family's name, with how it draws goals and what else is not as usual."""
         size = "" if self.size == 30 else f"-{self.size}"
         p = "" if (self.p_low, self.p_high) == (0.6, 0.9) else f"-p-{self.p_low:g}-{self.p_high:g}"
-        return f"{self.name}{size}-{goals}{p}"
+        return f"{self.name}{size}-{goals}{p}{in_label(self.reward)}"
 
     def _slip(self, rng: np.random.Generator) -> float:
         return float(rng.uniform(self.p_low, self.p_high))
@@ -112,6 +114,10 @@ class SlipperyGrid:
         """Why its tasks cannot be learned so: nothing."""
         return ""
 
+    def payment(self, gamma: float) -> Payment | None:
+        """What steps pay; None: 1 on reaching the goal."""
+        return payment(self.reward, gamma)
+
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:
         """The tasks as the compiled loop takes them; all that is random is in the steps' draws, `own` is not used."""
         from qinit_cli.kernels.gridworld import Gridworlds
@@ -129,7 +135,8 @@ class SlipperyGrid:
         gridworld_exact.solve(
             self._goals(tasks), tasks["p"].copy(), self.size, gamma, EXACT_TOLERANCE, q, td_var
         )
-        return q, td_var
+        paid = self.payment(gamma)
+        return exact_returns(paid, gamma, q), exact_variances(paid, gamma, td_var)
 
     def exploring_value(self, tasks: Tasks, q: Floats, learning: Learning) -> Floats:
         """What acting epsilon-greedily on `q` (B, S, A) is worth from the target start, (B,)."""
@@ -149,7 +156,7 @@ class SlipperyGrid:
             value,
         )
         at_start: Floats = value[:, START]
-        return at_start
+        return exact_returns(self.payment(learning.gamma), learning.gamma, at_start)
 
     def start_value(self, q: Floats) -> Floats:
         """max_a of `q` (B, S, A) at the cell (0, 0), (B,)."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from qinit_cli.environments.bases import TableFamily
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
+from qinit_cli.rewards import REWARD, Reward, in_label
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,6 +42,7 @@ class WindyGridworld(TableFamily):
         2.0, "Shape of the Weibull; 2, Rayleigh's, is usual for wind.", low=0.1, high=100
     )
     wind_scale: float = option(0.3, "Scale of the Weibull, in cells a step.", low=0, high=100)
+    reward: Reward = option("goal", REWARD)
 
     name: ClassVar[str] = "windy-gridworld"
     actions: ClassVar[tuple[str, ...]] = DIRECTIONS
@@ -71,7 +73,9 @@ class WindyGridworld(TableFamily):
         goal = "" if self._place == usual._place else "-goal-{}-{}".format(*self._place)
         p = "" if self.p == usual.p else f"-p-{self.p:g}"
         shape = "" if self.wind_shape == usual.wind_shape else f"-shape-{self.wind_shape:g}"
-        return f"{self.name}{size}-{self.wind}{shape}-scale-{self.wind_scale:g}{goal}{p}"
+        return (
+            f"{self.name}{size}-{self.wind}{shape}-scale-{self.wind_scale:g}{goal}{p}{in_label(self.reward)}"
+        )
 
     def axes(self) -> tuple[Axis, ...]:
         """The state axes: row and column."""

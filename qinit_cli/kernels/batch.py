@@ -13,10 +13,12 @@ from qinit_cli.arrays import Flags, Floats, Integers
 from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes
 from qinit_cli.kernels.learner import Batch, new_rate
 from qinit_cli.kernels.parts import Function
+from qinit_cli.kernels.payment import AsTheWorldSays, new_payment
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
 from qinit_cli.kernels.random_streams import Words
 from qinit_cli.learning import Learning
+from qinit_cli.rewards import Payment
 from qinit_cli.watch import Watch
 
 CALL_SECONDS = 0.01  # of learning between two looks at the watch
@@ -113,6 +115,10 @@ class Learned:
     evaluation_steps: Integers | None  # (B, 1 + episodes // evaluate_every)
     evaluation_reached: Integers | None  # (B, 1 + episodes // evaluate_every)
     weighing: Weighing | None
+    returns: (
+        Floats | None
+    )  # (B, bins) of the episodes where the world tells its rewards and every episode is kept
+    evaluation_returns: Floats | None  # (B, 1 + episodes // evaluate_every) as well
     step_count: Integers  # (B,) of learning
     seconds: Floats  # (B,) each task's share, by steps, of the time of its batch
     finished: Flags  # (B,)
@@ -126,10 +132,11 @@ def learn(
     records: Records,
     watch: Watch,
     lanes: int | None = None,
+    payment: Payment | None = None,
 ) -> Learned:
     """What the tasks learn: each from its own world, start and streams alone, whatever learns beside it.
 
-    Nothing that is passed in is changed, but the watch. ValueError if shapes do not fit.
+    Nothing that is passed in is changed, but the watch. `payment` None: 1 on reaching the goal. ValueError if shapes do not fit.
     """
     batch = len(worlds)
     shape = (batch, worlds.states, worlds.actions)
@@ -154,7 +161,7 @@ def learn(
     evaluation = _evaluation(records.evaluate_every, learning.episodes, streams.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
-    posterior = _posterior(start.hypotheses, learning.gamma, records.moments, lanes, shape)
+    posterior = _posterior(start.hypotheses, learning.gamma, payment, records.moments, lanes, shape)
     if streams.learner is not None:
         _expect("learner streams", streams.learner.shape, (batch, 4))
     inside = Batch(lanes, worlds.states, worlds.actions, streams.learner)
@@ -163,9 +170,13 @@ def learn(
         _choosing(start.policies, streams.choices, lanes, shape),
         posterior,
     )
+    evaluations = 0 if evaluation is None else evaluation.steps.shape[1]
+    paid = new_payment(payment, world, batch, records.bins, evaluations)
+    if isinstance(paid, AsTheWorldSays) and records.bins < learning.episodes:
+        paid = paid._replace(returns=np.zeros((batch, 0)))  # of single episodes alone
     arguments = (
         world,
-        _setting(learning, worlds, inside),
+        _setting(learning, worlds, inside, paid),
         tasks,
         new_lanes(lanes, worlds.states, worlds.actions, worlds.queue(), learning.learner.waits),
         Recording(visits, td_var, evaluation),
@@ -184,6 +195,8 @@ def learn(
         weighing=None
         if posterior is None
         else Weighing(posterior.weights, posterior.moves, posterior.frozen),
+        returns=paid.returns if isinstance(paid, AsTheWorldSays) else None,
+        evaluation_returns=paid.evaluated if isinstance(paid, AsTheWorldSays) else None,
         step_count=tasks.step_count,
         seconds=seconds,
         finished=tasks.finished,
@@ -211,12 +224,13 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: Learning, worlds: Worlds, batch: Batch) -> LaneSetting:
+def _setting(learning: Learning, worlds: Worlds, batch: Batch, payment: Any) -> LaneSetting:
     return LaneSetting(
         gamma=learning.gamma,
         learner=learning.learner.kernel(learning, batch),
         rate=new_rate(learning, batch),
         explore=learning.explore.kernel(learning, batch),
+        payment=payment,
         episodes=learning.episodes,
         horizon=learning.horizon,
         anywhere=learning.start == "anywhere",
@@ -251,6 +265,7 @@ def _choosing(
 def _posterior(
     hypotheses: Hypotheses | None,
     gamma: float,
+    payment: Payment | None,
     moments: Integers | None,
     lanes: int,
     shape: tuple[int, int, int],
@@ -261,7 +276,7 @@ def _posterior(
     _expect("hypotheses", hypotheses.q.shape, (len(hypotheses.q), *shape[1:]))
     _expect("hypotheses' TD variance", hypotheses.td_var.shape, hypotheses.q.shape)
     kept = np.empty(0, np.int64) if moments is None else moments
-    return new_posterior(hypotheses, gamma, kept, batch, lanes)
+    return new_posterior(hypotheses, gamma, payment, kept, batch, lanes)
 
 
 def _potential(potential: Floats | None, batch: int, states: int) -> Floats | None:

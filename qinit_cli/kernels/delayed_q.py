@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.kernels.lane import width_of
-from qinit_cli.kernels.learner import Batch, begin_task, put_value, tally, update, value, worth
+from qinit_cli.kernels.learner import Batch, begin_task, put_value, tally, target_of, update, value
 from qinit_cli.kernels.parts import body
 
 RESTS = -1
@@ -51,7 +51,7 @@ def _begin_task(each, memory, lane, task):
 @body(update, Delayed)
 def _update(learner, memory, step, setting, hooks, recording):
     lane, pair = step.lane, width_of(memory) * step.state + step.action
-    target, before = worth(memory, step.after), value(memory, step.state, step.action)
+    target, before = target_of(memory, step, setting), value(memory, step.state, step.action)
     now, count = learner.now[lane] + 1, learner.count[lane, pair]
     learner.now[lane] = now
     if count != RESTS:

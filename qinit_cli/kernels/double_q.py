@@ -17,10 +17,11 @@ from qinit_cli.kernels.learner import (
     rate_of,
     shaped,
     tally,
+    target_of,
     update,
-    worth,
 )
 from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.random_streams import draw
 from qinit_cli.kernels.vectors import WIDTH
 
@@ -63,11 +64,12 @@ def _update(learner, memory, step, setting, hooks, recording):
     width, tables = width_of(memory), learner.tables[step.lane]
     coin = np.int64(_flipped(learner, step.lane))
     first = 2 * width * step.state + step.action
-    place, target = first + coin * width, worth(memory, step.after)
+    place, target = first + coin * width, target_of(memory, step, setting)
     if is_state(memory, step.after):
         row = 2 * width * step.after
         best = _first_best(tables, row + coin * width, width)
-        target = setting.gamma * tables[row + (1 - coin) * width + best]
+        follows = setting.gamma * tables[row + (1 - coin) * width + best]
+        target = with_reward(setting.payment, step.reward, follows)
     error = shaped(target, memory, step, hooks) - tables[place]
     alpha = rate_of(setting.rate, step.lane, place, step.episode)
     tables[place] += alpha * error

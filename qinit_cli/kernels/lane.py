@@ -4,7 +4,7 @@
 Tasks of a batch are learned side by side, a few at a time, because a step waits for the one before it: while
 one task waits, the others go on. Each lane keeps its task's table as rows, one for each state and two more for the
 goal and for being lost, which end an episode. A row is the values of the actions, filled up with -inf to a multiple of
-four, and four numbers more: what entering the state is worth (gamma times the largest value; 1 for the goal), gamma *
+four, and four numbers more: what entering the state is worth (gamma times the largest value; for the goal its reward), gamma *
 potential, potential, and nothing: with up to four actions, one cache line. Which of these tie for the largest value is
 kept beside it, a byte a state; where there are more actions, a step looks for that itself.
 """
@@ -19,6 +19,7 @@ from qinit_cli.arrays import Floats, Integers
 from qinit_cli.kernels.choices import ACTIONS, NO_SLIP, greedy_choice
 from qinit_cli.kernels.compiled import inlined, inner, unkept
 from qinit_cli.kernels.parts import body, part
+from qinit_cli.kernels.payment import worth_of_end
 from qinit_cli.kernels.random_streams import LOW_12, TWELVE
 from qinit_cli.kernels.vectors import WIDTH, add_to_entry, put_entry
 
@@ -37,6 +38,7 @@ class LaneSetting(NamedTuple):
     learner: Any  # a class of learner.py or one like it
     rate: Any  # a class of learner.py
     explore: Any  # a class of exploration.py
+    payment: Any  # a class of payment.py
     episodes: int
     horizon: int
     anywhere: bool  # where episodes start; else at the target start
@@ -116,6 +118,7 @@ class Waiting(NamedTuple):
 
     state: Any  # i8 (L,) where it began; -1: none waits
     action: Any  # i8 (L,)
+    reward: Any  # f8 (L,) that the world told
 
 
 class Lanes(NamedTuple):
@@ -155,7 +158,7 @@ def new_lanes(count: int, states: int, actions: int, queue: Integers, waits: boo
         state=np.zeros(count, np.uint32),
         action=np.zeros(count, np.uint8),
         after=np.zeros(count, np.uint32),
-        waiting=Waiting(np.full(count, -1), np.zeros(count, np.int64)) if waits else None,
+        waiting=Waiting(np.full(count, -1), np.zeros(count, np.int64), np.zeros(count)) if waits else None,
         time=np.zeros(count, np.int64),
         ended=np.full(count, NEVER),
         lengths=np.zeros((count, BLOCK), np.int64),
@@ -305,7 +308,7 @@ def in_use(tasks, lanes, lane):
 
 
 @unkept
-def take(tasks, lanes, lane, gamma, potential, visits, td_var):
+def take(tasks, lanes, lane, gamma, payment, potential, visits, td_var):
     """Puts the next task into the lane: its table, potential, visits and td_var."""
     task = lanes.queue[lanes.following[0]]
     lanes.following[0] += 1
@@ -325,9 +328,9 @@ def take(tasks, lanes, lane, gamma, potential, visits, td_var):
             phi = potential[task % len(potential), state]
             memory.rows[row + width + WORTH_OF_POTENTIAL] = gamma * phi
             memory.rows[row + width + POTENTIAL] = phi
-    for end in range(2):  # the goal is worth 1, being lost 0
+    for end in range(2):
         place = (width + WIDTH) * (states + end) + width
-        memory.rows[place + WORTH] = 1.0 - end
+        memory.rows[place + WORTH] = worth_of_end(payment, end)
         memory.rows[place + WORTH_OF_POTENTIAL] = 0.0
     lanes.task[lane] = task
     lanes.time[lane] = 0

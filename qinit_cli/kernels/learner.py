@@ -27,6 +27,7 @@ from qinit_cli.kernels.lane import (
     width_of,
 )
 from qinit_cli.kernels.parts import body, part
+from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.random_streams import Words
 from qinit_cli.kernels.vectors import WIDTH
 from qinit_cli.learning import Learning
@@ -116,11 +117,12 @@ def _rate_of_update(rate, lane, pair, episode):
 
 
 class Step(NamedTuple):
-    """A step that is learned from; whole numbers."""
+    """A step that is learned from; whole numbers but for its reward."""
 
     lane: Any
     state: Any
     action: Any
+    reward: Any  # that the world told; else 0, whatever was paid
     after: Any  # the row it led to: a state, or S for the goal, S + 1 for being lost
     following: Any  # the action after it where the learner waits for that; -1: none follows
     episode: Any
@@ -129,7 +131,7 @@ class Step(NamedTuple):
 @part
 def update(learner, memory, step, setting, hooks, recording):
     """Learns from a step; brings the row of its state and what is recorded of it up to date. Returns the step size."""
-    return learn_towards(worth(memory, step.after), memory, step, setting, hooks, recording)
+    return learn_towards(target_of(memory, step, setting), memory, step, setting, hooks, recording)
 
 
 @body(update, OnPolicy)
@@ -155,7 +157,7 @@ def value(memory, state, action):
 
 @inlined
 def worth(memory, after):
-    """What entering a row is worth: gamma max Q of a state, 1 for the goal, 0 for being lost."""
+    """What entering a row is worth beyond the step's reward: gamma max Q of a state; of the goal 1, if that alone pays."""
     return memory.rows[(width_of(memory) + WIDTH) * after + width_of(memory) + WORTH]
 
 
@@ -166,18 +168,26 @@ def is_state(memory, after):
 
 
 @unkept_inlined
+def target_of(memory, step, setting):
+    """The reward of a step, and gamma times the largest value that follows."""
+    return with_reward(setting.payment, step.reward, worth(memory, step.after))
+
+
+@unkept_inlined
 def expected(memory, step, setting):
-    """gamma times the mean of the values that follow under the exploration; what an end is worth."""
+    """The reward of a step, and gamma times the mean of the values that follow under the exploration."""
     if not is_state(memory, step.after):
-        return worth(memory, step.after)
-    return setting.gamma * expectation(setting.explore, memory, step.lane, step.after, step.episode)
+        return target_of(memory, step, setting)
+    follows = setting.gamma * expectation(setting.explore, memory, step.lane, step.after, step.episode)
+    return with_reward(setting.payment, step.reward, follows)
 
 
 @unkept_inlined
 def on_policy(memory, step, setting):
-    """gamma times the value of the following action; where none follows, what is expected."""
+    """The reward of a step, and gamma times the value of the following action; where none follows, what is expected."""
     if is_state(memory, step.after) and step.following >= 0:
-        return setting.gamma * value(memory, step.after, step.following)
+        follows = setting.gamma * value(memory, step.after, step.following)
+        return with_reward(setting.payment, step.reward, follows)
     return expected(memory, step, setting)
 
 

@@ -29,6 +29,14 @@ from qinit_cli.kernels.lane import (
 )
 from qinit_cli.kernels.learner import Step, arrive, begin_task, chose, end_learning, is_state, update
 from qinit_cli.kernels.parts import Function
+from qinit_cli.kernels.payment import (
+    begin_gaining,
+    gain,
+    note_evaluation,
+    note_return,
+    reward_of,
+    share_of_episode,
+)
 from qinit_cli.kernels.policies import begin, learn_of_episode
 from qinit_cli.kernels.posterior import begin as begin_weighing
 from qinit_cli.kernels.posterior import end_episode, refresh, weigh, weighs
@@ -72,6 +80,8 @@ class SteppedWorlds:
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, Any]:
         """The compiled loop and the world it takes."""
         world: Any = self.world
+        if "paid" in getattr(world, "_fields", ()):
+            world = world._replace(paid=np.zeros(lanes))
         return compiled_loop(world.__class__, learning), world
 
 
@@ -225,7 +235,9 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
             there = np.uint32(entered(world, there, states))
             if posterior is not None and posterior.live[lane] and there < states:
                 refresh(posterior, lane, memory, there, gamma)
-            if _waits(lanes.waiting, lane, here, acts, there < states):
+            reward = reward_of(setting.payment, lane)
+            gain(setting.payment, lane, gamma)
+            if _waits(lanes.waiting, lane, here, acts, reward, there < states):
                 continue
             _learn_step(
                 memory,
@@ -233,6 +245,7 @@ def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posteri
                 task[place],
                 here,
                 acts,
+                reward,
                 there,
                 -1,
                 setting,
@@ -304,6 +317,7 @@ def _chosen(
             task,
             waiting.state[lane],
             waiting.action[lane],
+            waiting.reward[lane],
             state,
             np.int64(action),
             setting,
@@ -318,26 +332,26 @@ def _chosen(
 
 
 @inlined
-def _waits(waiting, lane, state, action, goes_on):
+def _waits(waiting, lane, state, action, reward, goes_on):
     """True if the step waits for the action after it; notes it."""
     if waiting is not None and goes_on:
-        waiting.state[lane], waiting.action[lane] = state, action
+        waiting.state[lane], waiting.action[lane], waiting.reward[lane] = state, action, reward
         return True
     return False
 
 
 @unkept_inlined
 def _learn_step(
-    memory, lane, task, state, action, after, following, setting, ended, hooks, posterior, recording
+    memory, lane, task, state, action, reward, after, following, setting, ended, hooks, posterior, recording
 ):
     """Learns from a step, and lets it move the weights of hypotheses."""
     after = np.int64(after)
     if is_state(memory, after):
         arrive(setting.learner, memory, lane, after, setting.gamma)
-    step = Step(lane, np.int64(state), np.int64(action), after, following, ended[lane])
+    step = Step(lane, np.int64(state), np.int64(action), reward, after, following, ended[lane])
     alpha = update(setting.learner, memory, step, setting, hooks, recording)
     if posterior is not None and posterior.live[lane]:
-        weigh(posterior, lane, task, state, action, after, 1.0 - alpha)
+        weigh(posterior, setting.payment, lane, task, state, action, reward, after, 1.0 - alpha)
 
 
 @inlined
@@ -352,7 +366,16 @@ def _cut_off(time, horizon):
 @unkept
 def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, posterior, waiting):
     """Puts the next task into the lane, and itself where its first episode starts."""
-    take(tasks, lanes, lane, setting.gamma, hooks.potential, recording.visits, recording.td_var)
+    take(
+        tasks,
+        lanes,
+        lane,
+        setting.gamma,
+        setting.payment,
+        hooks.potential,
+        recording.visits,
+        recording.td_var,
+    )
     task = lanes.task[lane]
     _evaluate(world, setting, tasks, lanes, lane, 0, recording.evaluation)
     if choosing is not None:
@@ -366,6 +389,7 @@ def _take(world, setting, tasks, lanes, lane, recording, hooks, choosing, poster
     if waiting is not None:
         # what was learned for nothing in the rest of a block waits for no action of this task
         waiting.state[lane] = -1
+    begin_gaining(setting.payment, lane)
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
 
 
@@ -385,13 +409,17 @@ def _end(
         end_episode(
             posterior, task, lane, memory, reached, episode + 1, evaluated, setting.gamma, setting.episodes
         )
+    note_return(setting.payment, lane, task, episode)
     lanes.lengths[lane, episode % BLOCK] = length if reached else -length
     lanes.ended[lane] = episode + 1
     if episode + 1 == setting.episodes:
         leave(tasks, lanes, lane, recording.visits, recording.td_var)
-    _evaluate(world, setting, tasks, lanes, lane, episode + 1, evaluation)
     if choosing is not None:
-        learn_of_episode(choosing, lane, length, reached, setting.gamma)
+        learn_of_episode(
+            choosing, lane, share_of_episode(setting.payment, lane, length, reached, setting.gamma)
+        )
+    _evaluate(world, setting, tasks, lanes, lane, episode + 1, evaluation)
+    begin_gaining(setting.payment, lane)
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
 
 
@@ -405,6 +433,7 @@ def _learn_last(world, setting, tasks, lanes, lane, recording, hooks, waiting, p
             lanes.task[lane],
             waiting.state[lane],
             waiting.action[lane],
+            waiting.reward[lane],
             np.int64(entered(world, lanes.state[lane], tasks.q.shape[1])),
             -1,
             setting,
@@ -428,6 +457,7 @@ def _play(world, setting, tasks, lanes, lane, ended, evaluation):
     """A greedy episode without learning."""
     task, memory = lanes.task[lane], own(lanes.memory, lane)
     rng, length = evaluation.rng[task], 0
+    begin_gaining(setting.payment, lane)
     code = np.int64(start_of(world, task, lane, rng, False))
     while code >= 0 and length < setting.horizon:
         drawn = draw(rng)
@@ -435,6 +465,8 @@ def _play(world, setting, tasks, lanes, lane, ended, evaluation):
         action = np.int64(greedy_action(memory, code, drawn))
         uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32
         code = np.int64(step_of(world, task, lane, code, action, uniform, rng))
+        gain(setting.payment, lane, setting.gamma)
         length += 1
+    note_evaluation(setting.payment, lane, task, ended // evaluation.every)
     evaluation.steps[task, ended // evaluation.every] = length
     evaluation.reached[task, ended // evaluation.every] = code == GOAL

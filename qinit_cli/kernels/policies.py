@@ -2,8 +2,9 @@
 """Choosing among policies of solved tasks while learning: UCB1 over them, one choice an episode.
 
 Each policy is tried once, in random order; then the one is taken for which W + c * sqrt(2 ln k / n) is largest (the first of
-equals), W its mean return divided by the best return that any episode of this task had (0 while that is 0), n its episodes, k the
-episodes so far. In the k-th episode the policy is followed with probability psi = psi0 * rho^(k-1) * nu^t at step t.
+equals), W its mean return divided by the best return that any episode of this task had (0 while that is 0; both as shares, see
+rewards.Bounds), n its episodes, k the episodes so far. In the k-th episode the policy is followed with probability
+psi = psi0 * rho^(k-1) * nu^t at step t.
 """
 
 from __future__ import annotations
@@ -86,9 +87,8 @@ def begin(choosing, lane, task):
 
 
 @inner
-def learn_of_episode(choosing, lane, length, reached, gamma):
-    """Credits an episode to its policy and chooses the next one's."""
-    gained = gamma ** np.float64(length - 1) if reached else 0.0
+def learn_of_episode(choosing, lane, gained):
+    """Credits an episode to its policy, given its share of the attainable return, and chooses the next one's."""
     policy = choosing.chosen[lane]
     choosing.tried[lane, policy] += 1
     choosing.mean[lane, policy] += (gained - choosing.mean[lane, policy]) / choosing.tried[lane, policy]

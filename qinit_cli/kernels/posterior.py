@@ -22,8 +22,10 @@ from qinit_cli.arrays import Floats, Integers
 from qinit_cli.elementary import exp, ln
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.lane import rescan, width_of
+from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
 from qinit_cli.kernels.vectors import WIDTH
+from qinit_cli.rewards import UNIT, Bounds, Payment
 
 NEVER = -1  # episode after which weights froze, where they never did
 # ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
@@ -32,7 +34,10 @@ LEAST = -600.0
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Tables of solved tasks, any of which the target may be like, and how its steps tell between them."""
+    """Tables of solved tasks, any of which the target may be like, and how its steps tell between them.
+
+    Values are shares of the attainable return, see rewards.Bounds, and `bounds` those of the returns that the target learns.
+    """
 
     q: Floats  # (K, S, A); a table knows a pair where it is above 0
     td_var: Floats  # (K, S, A) mean squared TD error of the table on its own task
@@ -44,6 +49,7 @@ class Hypotheses:
     threshold: float
     geometric: bool
     centred: bool
+    bounds: Bounds = UNIT
 
     def mean(self) -> Floats:
         """The tables' mean under equal weights, (S, A): over those that know the pair, NaN where none does."""
@@ -60,16 +66,18 @@ class PosteriorState(NamedTuple):
     tables: int  # K without the padding
     actions: int
     values: Any  # f8 (S * A, K)
-    worth: Any  # f8 (S + 2, K) of entering a state: gamma max_a Q_i; the last two are the goal's, 1, and that of being lost, 0
+    worth: Any  # f8 (S + 2, K) of entering a state: gamma max_a Q_i; the last two are the ends
     precision: Any  # f8 (S * A, K) 1 / (td_var + floor^2); 0 where the table does not know the pair
     expected: Any  # f8 (S * A, K) d^2 * precision that counts as no evidence
-    terms: Any  # f8 (S * A, K) what M averages: Q_i or ln Q_i, 0 where unknown
+    terms: Any  # f8 (S * A, K) what M averages: Q_i as a share, or its logarithm, 0 where unknown
     temperature: float
     cap: float
     least: float
     freeze: int
     threshold: float
     geometric: bool
+    low: float  # the least return
+    width: float  # the largest less the least
     log_weight: Any  # f8 (L, K)
     weight: Any  # f8 (L, K)
     mixed: Any  # f8 (L, K) the weights that M was made with
@@ -87,7 +95,12 @@ class PosteriorState(NamedTuple):
 
 
 def new_posterior(
-    hypotheses: Hypotheses, gamma: float, moments: Integers, batch: int, lanes: int
+    hypotheses: Hypotheses,
+    gamma: float,
+    payment: Payment | None,
+    moments: Integers,
+    batch: int,
+    lanes: int,
 ) -> PosteriorState:
     """What the loops need to weigh the hypotheses in that many lanes."""
     count, states, actions = hypotheses.q.shape
@@ -98,28 +111,31 @@ def new_posterior(
         across[:, :count] = tables.reshape(count, -1).T
         return across
 
-    known = hypotheses.q > 0
+    known, bounds = hypotheses.q > 0, hypotheses.bounds
+    returns = bounds.returns(hypotheses.q)
     worth = np.zeros((states + 2, padded))
-    worth[states] = 1.0
-    worth[:states] = columns(gamma * hypotheses.q.max(axis=2))
-    values = columns(hypotheses.q)
+    worth[states:] = [[1.0], [0.0]] if payment is None else [[0.0], [payment.lost]]
+    worth[:states] = columns(gamma * returns.max(axis=2))
+    shares = columns(hypotheses.q)
     precision: Floats = known / (hypotheses.td_var + hypotheses.floor**2)
     usual = hypotheses.td_var * (1.0 if hypotheses.centred else 0.0)
     logs = ln(np.where(known, hypotheses.q, 1.0)) if hypotheses.geometric else None
     return PosteriorState(
         tables=count,
         actions=actions,
-        values=values,
+        values=columns(returns),
         worth=worth,
-        precision=columns(precision),
+        precision=columns(precision / bounds.width**2),
         expected=columns(known * (usual * precision + hypotheses.excess)),
-        terms=values if logs is None else columns(logs),
+        terms=shares if logs is None else columns(logs),
         temperature=float(hypotheses.temperature),
         cap=float(hypotheses.cap),
         least=-np.inf if hypotheses.centred else 0.0,
         freeze=int(hypotheses.freeze),
         threshold=float(hypotheses.threshold),
         geometric=bool(hypotheses.geometric),
+        low=float(bounds.low),
+        width=float(bounds.width),
         log_weight=np.zeros((lanes, padded)),
         weight=np.zeros((lanes, padded)),
         mixed=np.zeros((lanes, padded)),
@@ -156,7 +172,7 @@ def begin(posterior, tasks, lane, task):
 
 
 @inlined
-def weigh(posterior, lane, task, state, action, after, kept):
+def weigh(posterior, payment, lane, task, state, action, reward, after, kept):
     """What a step says, after its update: moves the weights and, if they have moved far enough, the version of M.
 
     `after` is the state it led to, the number of states S if that was the goal, or S + 1 if the episode ended elsewhere;
@@ -168,7 +184,7 @@ def weigh(posterior, lane, task, state, action, after, kept):
     worth, precision = posterior.worth[np.int64(after)], posterior.precision[pair]
     expected, cap, least = posterior.expected[pair], posterior.cap, posterior.least
     for place in range(0, len(log_weight), EIGHT):
-        error = load_reals(worth, place) - load_reals(values, place)
+        error = with_reward(payment, reward, load_reals(worth, place)) - load_reals(values, place)
         surprise = error * error * load_reals(precision, place) - load_reals(expected, place)
         surprise = chosen(surprise > cap, cap, chosen(surprise > least, surprise, least))
         store_reals(log_weight, place, load_reals(log_weight, place) - surprise * posterior.temperature)
@@ -217,7 +233,7 @@ def _correct(posterior, lane, memory, state, gamma):
 
 @inner
 def mean_at(posterior, lane, pair):
-    """M at a state-action: the mean of the tables that know it, under the weights; 0 where none does."""
+    """M at a state-action: the mean of the tables that know it, under the weights; the least return where none does."""
     mixed, terms, precision = posterior.mixed[lane], posterior.terms[pair], posterior.precision[pair]
     above, below = load_reals(mixed, 0) * 0.0, load_reals(mixed, 0) * 0.0
     for place in range(0, len(mixed), EIGHT):
@@ -225,9 +241,9 @@ def mean_at(posterior, lane, pair):
         above = above + weight * load_reals(terms, place)
         below = below + weight
     if total(below) == 0.0:
-        return 0.0
+        return posterior.low
     mean = total(above) / total(below)
-    return math.exp(mean) if posterior.geometric else mean
+    return posterior.low + posterior.width * (math.exp(mean) if posterior.geometric else mean)
 
 
 @inner

@@ -14,8 +14,9 @@ import numpy as np
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.lane import largest, rescan, width_of
-from qinit_cli.kernels.learner import Batch, begin_task, tally, update, value, worth
+from qinit_cli.kernels.learner import Batch, begin_task, tally, target_of, update, value, worth
 from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.vectors import WIDTH
 
 NONE = -1
@@ -28,6 +29,7 @@ class Model(NamedTuple):
     known: int  # steps of a state-action that make it known
     tolerance: float
     count: Any  # i8 (L, (S + 2) * W) steps kept
+    paid: Any  # f8 (L, (S + 2) * W) their rewards, in sum
     led_to: Any  # u4 (L, (S + 2) * W * known) the row that each led to
     before: (
         Any  # i4 of the same shape: the step kept before it that led to the same row; NONE if there is none
@@ -51,6 +53,7 @@ def new_model(batch: Batch, known: int, tolerance: float) -> Model:
         known=known,
         tolerance=float(tolerance),
         count=np.zeros(batch.pairs, np.int64),
+        paid=np.zeros(batch.pairs),
         led_to=np.zeros((lanes, pairs * known), np.uint32),
         before=np.zeros((lanes, pairs * known), np.int32),
         latest=np.full((lanes, batch.states + 2), NONE, np.int32),
@@ -64,6 +67,7 @@ def new_model(batch: Batch, known: int, tolerance: float) -> Model:
 @body(begin_task, Model)
 def _begin_task(each, memory, lane, task):
     each.count[lane, :] = 0
+    each.paid[lane, :] = 0.0
     each.latest[lane, :] = NONE
     each.waits[lane, :] = False
     each.first[lane] = each.waiting[lane] = 0
@@ -72,13 +76,15 @@ def _begin_task(each, memory, lane, task):
 @body(update, Model)
 def _update(learner, memory, step, setting, hooks, recording):
     lane, pair = step.lane, width_of(memory) * step.state + step.action
-    tally(memory, step, worth(memory, step.after) - value(memory, step.state, step.action), recording)
+    error = target_of(memory, step, setting) - value(memory, step.state, step.action)
+    tally(memory, step, error, recording)
     count = learner.count[lane, pair]
     if count < learner.known:
         kept = learner.known * pair + count
         learner.led_to[lane, kept] = step.after
         learner.before[lane, kept] = learner.latest[lane, step.after]
         learner.latest[lane, step.after] = kept
+        learner.paid[lane, pair] += with_reward(setting.payment, step.reward, 0.0)
         learner.count[lane, pair] = count + 1
         if count + 1 == learner.known and not learner.waits[lane, step.state]:
             _push(learner, lane, step.state)
@@ -127,7 +133,7 @@ def _back_up(learner, memory, lane, state, gamma):
     for action in range(memory.actions):
         pair = width * state + action
         if learner.count[lane, pair] == learner.known:
-            summed, kept = 0.0, learner.known * pair
+            summed, kept = learner.paid[lane, pair], learner.known * pair
             for step in range(kept, kept + learner.known):
                 summed += worth(memory, np.int64(led_to[step]))
             memory.rows[row + action] = summed / learner.known

@@ -16,6 +16,7 @@ from qinit_cli.kernels.loop import SteppedWorlds
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, below, unit
 from qinit_cli.kernels.worlds import GOAL, LOST, place_of, starts, steps
+from qinit_cli.rewards import Bounds
 
 ROUNDING = 1e-9  # of probabilities that were added up or divided
 PLACE_BITS = np.uint64(24)
@@ -35,6 +36,7 @@ class Tables:
     probability: Floats  # (B, S, A, O), 1 in sum
     start: Floats  # (B, S) probability that a target's episode starts there
     open: Flags  # (B, S) episodes go on there: where "anywhere" may start
+    reward: Floats | None = None  # (B, S, A, O) of each outcome; None: 1 for the goal
 
     def __post_init__(self) -> None:
         if fault := _fault(self):
@@ -47,13 +49,36 @@ class Tables:
         """The tasks as the compiled loop takes them; `rng` u8 (B, 4) is not used: one uniform a step is enough."""
         _, states, actions, _ = self.after.shape
         places = np.argsort(~self.open, axis=1, kind="stable").astype(np.int32)
-        world = TableWorld(
+        world: TableWorld | PaidTableWorld = TableWorld(
             outcomes=_outcomes(self.after, _cumulative(self.probability)),
             start=_cumulative(self.start),
             places=places,
             count=self.open.sum(axis=1).astype(np.int64),
         )
+        if self.reward is not None:
+            rewards = np.ascontiguousarray(self.reward, np.float64)
+            world = PaidTableWorld(**world._asdict(), rewards=rewards, paid=np.empty(0))
         return SteppedWorlds(world, states, actions, rng)
+
+    def gains(self, bounds: Bounds, gamma: float) -> Floats:
+        """The rewards (B, S, A, O) as the shares that they add, 0 to 1; NotAllowed where a return is not within the bounds."""
+        if self.reward is None:
+            raise NotAllowed("the tables have no rewards")
+        ends = self.after < 0
+        gains: Floats = (self.reward - bounds.low * np.where(ends, 1.0, 1.0 - gamma)) / bounds.width
+        most = np.where(ends, 1.0, 1.0 - gamma)
+        beyond = (
+            (self.probability > 0)
+            & self.open[..., None, None]
+            & ~((gains >= -ROUNDING) & (gains <= most + ROUNDING))
+        )
+        if beyond.any():
+            place = _first(beyond)
+            raise NotAllowed(
+                f"{_told(place)} pays {self.reward[place]:g}, with which returns leave the bounds "
+                f"{bounds.low:g} to {bounds.high:g}"
+            )
+        return np.clip(gains, 0.0, 1.0)
 
 
 class TableWorld(NamedTuple):
@@ -65,7 +90,18 @@ class TableWorld(NamedTuple):
     count: Any  # i8 (B,) of them
 
 
-@starts(TableWorld)
+class PaidTableWorld(NamedTuple):
+    """As TableWorld, with rewards."""
+
+    outcomes: Any
+    start: Any
+    places: Any
+    count: Any
+    rewards: Any  # f8 (B, S, A, O)
+    paid: Any  # f8 (L,) the reward of each lane's last step
+
+
+@starts(TableWorld, PaidTableWorld)
 def start(world, task, lane, rng, anywhere):
     """A state drawn from the target's starts, or any open one."""
     if anywhere:
@@ -81,19 +117,47 @@ def step(world, task, lane, state, action, uniform, rng):
     return place if place < states else states - 1 - place
 
 
+@steps(PaidTableWorld)
+def paid_step(world, task, lane, state, action, uniform, rng):
+    """As `step`, with the outcome's reward."""
+    states = world.outcomes.shape[1]
+    place = np.int64(_paid_place(world, task, lane, state, action, np.uint64(uniform * 2.0**32)))
+    return place if place < states else states - 1 - place
+
+
 @body(place_of, TableWorld)
 def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
     return np.uint32(_place(world, task, state, action, drawn >> THIRTY_TWO))
+
+
+@body(place_of, PaidTableWorld)
+def _paid_place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
+    return np.uint32(_paid_place(world, task, lane, state, action, drawn >> THIRTY_TWO))
 
 
 @inlined
 def _place(world, task, state, action, upper):
     """The place that a step leads to, given the upper 32 bits of its draw."""
     outcomes = world.outcomes[task, state, action]
+    return outcomes[_outcome(outcomes, upper)] & PLACE
+
+
+@inlined
+def _paid_place(world, task, lane, state, action, upper):
+    """The same; notes the reward."""
+    outcomes = world.outcomes[task, state, action]
+    outcome = _outcome(outcomes, upper)
+    world.paid[lane] = world.rewards[task, state, action, outcome]
+    return outcomes[outcome] & PLACE
+
+
+@inlined
+def _outcome(outcomes, upper):
+    """Which outcome a step has, given the upper 32 bits of its draw."""
     drawn, passed = upper << PLACE_BITS | PLACE, 0
     for outcome in range(len(outcomes) - 1):  # no branch that a processor could guess wrong
         passed += drawn >= outcomes[outcome]
-    return outcomes[passed] & PLACE
+    return passed
 
 
 def _outcomes(after: NDArray[np.int32], limits: Floats) -> Words:
@@ -126,6 +190,8 @@ def _fault(tables: Tables) -> str:
         return f"after, probability, start and open have the shapes {shapes}, not (B, S, A, O) twice and (B, S) twice"
     if after.dtype.kind not in "iu" or open.dtype.kind != "b":
         return f"after and open are of {after.dtype} and {open.dtype}, not of integers and of bool"
+    if tables.reward is not None and tables.reward.shape != after.shape:
+        return f"the rewards have the shape {tables.reward.shape}, and the outcomes {after.shape}"
     states = after.shape[1]
     if states + len(ENDS) > PLACE:
         return f"{states} states are more than the {int(PLACE) - len(ENDS)} that a table may have"
@@ -147,6 +213,9 @@ def _fault(tables: Tables) -> str:
     if improper.any():
         task, state = _first(improper)
         return f"task {task} of the batch starts in state {state} with probability {start[task, state]:g}, not within 0 and 1"
+    if tables.reward is not None and not np.isfinite(tables.reward).all():
+        place = _first(~np.isfinite(tables.reward))
+        return f"{_told(place)} pays {tables.reward[place]:g}, which is no finite number"
     unlikely = ~(np.abs(start.sum(axis=-1) - 1) <= ROUNDING)
     if unlikely.any():
         task = _first(unlikely)[0]

@@ -1,8 +1,9 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="assignment"
 """Exact tables of tasks that are given by their transitions: value iteration, the value of exploring on it, and paths.
 
-Entering the goal is worth 1, being lost 0, any other state gamma * V. Arrays as in kernels.tables: after i4 (B, S, A, O) with
-GOAL and LOST, probability f8 (B, S, A, O), open b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
+Entering the goal is worth 1, being lost 0, any other state gamma * V. Where steps have gains f8 (B, S, A, O), from 0 to 1, these
+are added, and the goal is worth 0. Arrays as in kernels.tables: after i4 (B, S, A, O) with GOAL and LOST, probability f8
+(B, S, A, O), open b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
 """
 
 from __future__ import annotations
@@ -18,19 +19,22 @@ NEVER = -1
 
 
 @inlined
-def _worth(entering, after):
-    """What entering that state is worth."""
+def _worth(entering, after, gains, place, outcome):
+    """What an outcome of the state-action at `place` is worth, which leads to the state `after`."""
+    if gains is not None:
+        gain = gains[place][outcome]
+        return gain + entering[after] if after >= 0 else gain
     if after >= 0:
         return entering[after]
     return 1.0 if after == GOAL else 0.0
 
 
 @inlined
-def _value(entering, after, probability):
-    """The mean of what the outcomes (O,) of an action are worth."""
-    mean = 0.0
-    for outcome in range(len(after)):
-        mean += probability[outcome] * _worth(entering, after[outcome])
+def _value(entering, after, probability, gains, place):
+    """The mean of what the outcomes of the state-action at `place` are worth."""
+    mean, there, odds = 0.0, after[place], probability[place]
+    for outcome in range(len(there)):
+        mean += odds[outcome] * _worth(entering, there[outcome], gains, place, outcome)
     return mean
 
 
@@ -41,7 +45,7 @@ def _limit(tolerance, gamma):
 
 
 @compiled
-def solve(after, probability, open, gamma, tolerance, q, td_var):
+def solve(after, probability, open, gains, gamma, tolerance, q, td_var):
     """Writes Q* into `q` and the variance of a step's target under it into `td_var`, both (B, S, A).
 
     Gauss-Seidel value iteration, sweeping up and down in turns; it ends once V changes by no more than tolerance and RELATIVE.
@@ -58,10 +62,8 @@ def solve(after, probability, open, gamma, tolerance, q, td_var):
                 if open[task, state]:
                     best = 0.0
                     for action in range(actions):
-                        best = max(
-                            best,
-                            _value(entering, after[task, state, action], probability[task, state, action]),
-                        )
+                        pair = (task, state, action)
+                        best = max(best, _value(entering, after, probability, gains, pair))
                     value = gamma * best
                     allowed = min(_limit(tolerance, gamma), RELATIVE * value)
                     settled &= abs(value - entering[state]) <= allowed
@@ -70,17 +72,17 @@ def solve(after, probability, open, gamma, tolerance, q, td_var):
             for action in range(actions):
                 q[task, state, action] = td_var[task, state, action] = 0.0
                 if open[task, state]:
-                    there, odds = after[task, state, action], probability[task, state, action]
-                    mean = _value(entering, there, odds)
+                    pair, there = (task, state, action), after[task, state, action]
+                    mean = _value(entering, after, probability, gains, pair)
                     squares = 0.0
                     for outcome in range(outcomes):
-                        error = _worth(entering, there[outcome]) - mean
-                        squares += odds[outcome] * error * error
+                        error = _worth(entering, there[outcome], gains, pair, outcome) - mean
+                        squares += probability[task, state, action, outcome] * error * error
                     q[task, state, action], td_var[task, state, action] = mean, squares
 
 
 @compiled
-def exploring_value(after, probability, open, gamma, epsilon, tolerance, q, value):
+def exploring_value(after, probability, open, gains, gamma, epsilon, tolerance, q, value):
     """Writes into `value` (B, S) what acting epsilon-greedily on `q` (B, S, A) is worth from each state, ties shared equally."""
     states, actions = after.shape[1], after.shape[2]
     share = np.empty((states, actions))
@@ -101,9 +103,8 @@ def exploring_value(after, probability, open, gamma, epsilon, tolerance, q, valu
                 if open[task, state]:
                     mean = 0.0
                     for action in range(actions):
-                        mean += share[state, action] * _value(
-                            entering, after[task, state, action], probability[task, state, action]
-                        )
+                        pair = (task, state, action)
+                        mean += share[state, action] * _value(entering, after, probability, gains, pair)
                     change = max(change, abs(gamma * mean - entering[state]))
                     entering[state] = gamma * mean
         for state in range(states):

@@ -23,9 +23,9 @@ from qinit_cli.kernels.learner import (
     rate_of,
     shaped,
     tally,
+    target_of,
     update,
     value,
-    worth,
 )
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.vectors import WIDTH
@@ -94,7 +94,7 @@ def _chose(learner, memory, lane, state, action):
 
 @body(update, Watkins)
 def _update_watkins(learner, memory, step, setting, hooks, recording):
-    return _learn_towards(worth(memory, step.after), learner, memory, step, setting, hooks, recording)
+    return _learn_towards(target_of(memory, step, setting), learner, memory, step, setting, hooks, recording)
 
 
 @body(update, SarsaTraces)

@@ -27,12 +27,18 @@ _STEPS: dict[type, Any] = {}
 _CUTTING: set[type] = set()  # the worlds that may cut an episode off
 
 
-def starts(world: type) -> Callable[[Function], Any]:
-    """Registers where episodes start in worlds of that class, and compiles it.
+def starts(*worlds: type) -> Callable[[Function], Any]:
+    """Registers where episodes start in worlds of these classes, and compiles it.
 
     The function takes (world, task, lane, rng, anywhere) and returns the table's state, from 0 to S - 1.
     """
-    return lambda function: _STARTS.setdefault(world, inlined(function))
+
+    def register(function: Function) -> Any:
+        made = inlined(function)
+        _STARTS.update(dict.fromkeys(worlds, made))
+        return made
+
+    return register
 
 
 def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
@@ -40,8 +46,8 @@ def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
 
     The function takes (world, task, lane, state, action, uniform, rng) and returns the table's state that the step leads to,
     GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `rng`. What the table does not see is kept in
-    arrays of the world, at `lane`. With `cuts` it may also return CUT - state: the episode ends in that state as it does
-    at the horizon, without the goal, and the state's value still counts.
+    arrays of the world, at `lane`; native rewards go to its field `paid` f8 (L,). With `cuts` it may also return CUT - state:
+    the episode ends in that state as it does at the horizon, without the goal, and the state's value still counts.
     """
     if cuts:
         _CUTTING.add(world)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Self
 
+from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.methods.targets import Targets
 from qinit_cli.options import check, option, options
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.posterior import Hypotheses
     from qinit_cli.learning import Learning
 
-LARGEST_RETURN = 1.0  # no value of a task with one terminal reward of 1 is larger
-
 
 @dataclass(frozen=True)
 class Initial:
@@ -34,7 +33,7 @@ class Initial:
     potential: Floats  # (S,), or (T, S)
     policies: Policies  # (K, S), and how one of them is chosen
     filled: int  # entries of the start that no source knows
-    clipped: int  # entries of the start outside [0, 1]
+    clipped: int  # entries of the start outside the bounds of returns
     hypotheses: Hypotheses | None = (
         None  # (K, S, A) tables whose weights change the start while it learns; None: it stays
     )
@@ -140,13 +139,13 @@ class Method:
         return told
 
     def start(self, fit: FittedTables, targets: Targets) -> Floats:
-        """First values, (S, A), NaN where no source knows; zeros."""
+        """First values, (S, A), NaN where no source knows: shares of the attainable return; of a return of 0."""
         import numpy as np
 
-        return np.zeros_like(fit.mean)
+        return np.full_like(fit.mean, fit.bounds.share(0.0))
 
     def potential(self, fit: FittedTables, targets: Targets) -> Floats:
-        """Shaping potential, (S,); zeros."""
+        """Shaping potential, (S,), as shares too; zeros."""
         import numpy as np
 
         return np.zeros(len(fit.value_mean))
@@ -163,17 +162,23 @@ class Method:
         """What stands where no source knows a pair."""
         return 0.0
 
+    def potential_of(self, fit: FittedTables, targets: Targets) -> Floats:
+        """The potential as returns; zeros where the method has none."""
+        potential = self.potential(fit, targets)
+        return fit.bounds.returns(potential) if self.shapes else potential
+
     def initial(self, fit: FittedTables, targets: Targets) -> Initial:
-        """The three arrays, every start filled where unknown and clipped to [0, 1], with the counts of both."""
+        """The three arrays as returns, every start filled where unknown and clipped to their bounds, with the counts of both."""
         import numpy as np
 
         start = self.start(fit, targets)
         unknown = np.isnan(start)
-        known = np.where(unknown, self.filling(fit, start), start)
-        clipped = np.clip(known, 0.0, LARGEST_RETURN)
+        known = fit.bounds.returns(np.where(unknown, self.filling(fit, start), start))
+        bounds = bounds_of(targets.family, targets.learning.gamma)
+        clipped = np.clip(known, bounds.low, bounds.high)
         return Initial(
             start=clipped,
-            potential=self.potential(fit, targets),
+            potential=self.potential_of(fit, targets),
             policies=self.policies(fit, targets),
             filled=int(unknown.sum()),
             clipped=int((clipped != known).sum()),

@@ -33,5 +33,5 @@ class Optimal(Method):
         return False
 
     def start(self, fit: FittedTables, targets: Targets) -> Floats:
-        """Q* of each target, (T, S, A)."""
-        return targets.tables
+        """Q* of each target, (T, S, A), as shares."""
+        return fit.bounds.shares(targets.tables)

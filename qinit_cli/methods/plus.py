@@ -50,7 +50,9 @@ class Plus(Method):
     def initial(self, fit: FittedTables, targets: Targets) -> Initial:
         """The initialisation's start, filled by its own rule where no source knows, with this method's other arrays."""
         started = initialisations()[self.init]().initial(fit, targets)
-        return replace(started, potential=self.potential(fit, targets), policies=self.policies(fit, targets))
+        return replace(
+            started, potential=self.potential_of(fit, targets), policies=self.policies(fit, targets)
+        )
 
 
 def initialisations() -> dict[str, type[Method]]:

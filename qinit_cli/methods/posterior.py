@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from qinit_cli.methods.method import LARGEST_RETURN, Initial, Look, Method
+from qinit_cli.methods.method import Initial, Look, Method
 from qinit_cli.options import option
 
 if TYPE_CHECKING:
@@ -115,14 +115,14 @@ class Posterior(Method):
         return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit, targets.family))
 
     def hypotheses(self, fit: FittedTables, family: Family) -> Hypotheses:
-        """The library's tables, within what a return can be, with the rules of weighing."""
+        """The library's tables, within the bounds of returns, with the rules of weighing."""
         import numpy as np
 
         from qinit_cli.kernels.posterior import Hypotheses
 
         evidence = self._evidence(family)
         return Hypotheses(
-            q=np.clip(fit.library_q[: self.library], 0.0, LARGEST_RETURN),
+            q=np.clip(fit.library_q[: self.library], 0.0, 1.0),
             td_var=fit.library_td_var[: self.library],
             **asdict(self._weighing(evidence)),
             floor=self.floor,
@@ -130,4 +130,5 @@ class Posterior(Method):
             threshold=self.threshold,
             geometric=self.mixing == "geometric",
             centred=evidence == "centred",
+            bounds=fit.bounds,
         )

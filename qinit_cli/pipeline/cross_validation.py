@@ -13,9 +13,11 @@ from qinit_cli.analysis import returns
 from qinit_cli.artefacts.choice import FOLDS, folds
 from qinit_cli.artefacts.opening import family_in
 from qinit_cli.artefacts.settings import SourcesSettings, TuningSettings
+from qinit_cli.artefacts.sources import blocks_in_shares
 from qinit_cli.artefacts.tuning import tuning_schema
+from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.fitted import FitOptions, FittedTables
+from qinit_cli.fitted import FitOptions, FittedTables, in_returns
 from qinit_cli.methods import Method
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import CrossValidating
@@ -102,12 +104,13 @@ def cross_validation_of(
             "ask train-sources for more --tasks"
         )
     fold = folds(selection.kept)
-    states = int(np.prod(family.shape))
+    states, bounds = int(np.prod(family.shape)), bounds_of(family, settings.learning.gamma)
     fits = []
     for number in range(FOLDS):
         others = replace(selection, kept=selection.kept & (fold != number))
-        blocks = source.blocks(("q", "td_var", "eopl"), stage.BLOCK)
-        fits.append(FittedTables.from_arrays(stage.fit(blocks, others, fitting), states, fitting.estimator))
+        blocks = blocks_in_shares(source, ("q", "td_var", "eopl"), stage.BLOCK)
+        arrays = in_returns(stage.fit(blocks, others, fitting), bounds)
+        fits.append(FittedTables.from_arrays(arrays, states, fitting.estimator, bounds))
     targets = TargetTasks(family, learning, settings.seed, False, streams=VALIDATION)
     return CrossValidation(targets, tried, fits, fold)
 
@@ -145,13 +148,13 @@ class CrossValidation:
 
     def _fold(self, ids: Integers, fit: FittedTables, watch: Watch, rows: Rows, places: Integers) -> bool:
         """Fills the rows at these places; whether all was learned before the watch stopped."""
-        gamma = self.targets.learning.gamma
         for column, method in enumerate(self.candidates):
             initial = method.initial_of_all(fit, self.targets.family, self.targets.learning)
             done, learned = learn_targets(self.targets, initial, ids, watch.part(1 / len(self.candidates)))
             if len(done) < len(ids):
                 return False
-            earned = returns.discounted_returns(learned["steps"], learned["reached"].astype(bool), gamma)
+            paid = self.targets.family.payment(self.targets.learning.gamma)
+            earned = returns.earned(learned, paid, self.targets.learning.gamma)
             rows["average"][places, column] = earned.mean(axis=1)
             rows["steps"][places] += learned["steps"].sum(axis=1, dtype=np.int64)
             rows["seconds"][places] += learned["seconds"]

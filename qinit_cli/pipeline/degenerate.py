@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from qinit_cli.fitted import in_shares
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
+from qinit_cli.rewards import Bounds
 from qinit_cli.schedules import Schedule
 from qinit_store.wording import counted, magnitude
 
@@ -67,8 +69,9 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
         yield f"the sources are far from learned, by {found.error:.0%} in the median; ask for more --episodes"
 
 
-def of_fit(gamma: float, arrays: Mapping[str, Any]) -> Iterator[str]:
-    """Why a fit with these arrays tells nothing, of sources with this discount."""
+def of_fit(gamma: float, bounds: Bounds, arrays: Mapping[str, Any]) -> Iterator[str]:
+    """Why a fit with these arrays tells nothing, of sources with this discount and returns within these bounds."""
+    arrays = in_shares(arrays, bounds)
     known = np.asarray(arrays["n"]) > 0
     if not known.any():
         yield "no source has a value above 0 anywhere: there is nothing to transfer"
@@ -92,19 +95,20 @@ class TargetsLearned:
     unsolvable: int
     steps: float  # of a task, in the mean; 0 where none was learned
     knows: bool  # whether any source has a value above 0
+    least_return: float | None = 0.0  # of an episode without the goal; None where that depends on the episode
 
 
 def of_targets(learning: Learning, found: TargetsLearned) -> Iterator[str]:
     """Why this run tells no method from another."""
     if not found.knows:
         yield "no source of this fit has a value above 0: there is nothing to transfer"
-    if found.tasks and not found.reached:
+    if found.tasks and not found.reached and found.least_return is not None:
         cannot = (
             f", as none can within --horizon {learning.horizon}" if found.unsolvable == found.tasks else ""
         )
         yield (
-            f"no target reached the goal in any episode{cannot}: all returns are 0, and no method can be told from "
-            "another; ask for a longer --horizon or more --episodes"
+            f"no target reached the goal in any episode{cannot}: all returns are {found.least_return:g}, and no method can be "
+            "told from another; ask for a longer --horizon or more --episodes"
         )
     if learning.gamma == 1:
         yield "with --gamma 1 a return is 1 in however many steps the goal is reached: it is the share of success"

@@ -231,8 +231,8 @@ def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str
 
 
 def start(method: Method, fit: FittedTables, family: Family) -> Floats:
-    """What an initialisation starts from, (S, A); NotAllowed where the fit's estimator has no such start."""
-    return method.initial_of_all(fit, family, family.target_learning).start
+    """What an initialisation starts from, (S, A), as shares; NotAllowed where the fit's estimator has no such start."""
+    return fit.bounds.shares(method.initial_of_all(fit, family, family.target_learning).start)
 
 
 def _starts(fit: FittedTables, family: Family) -> list[Floats]:

@@ -14,9 +14,11 @@ from qinit_cli.artefacts.fit import fit_schema
 from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.settings import FitSettings, SourcesSettings
+from qinit_cli.artefacts.sources import Shares, blocks_in_shares
 from qinit_cli.environments import Family
+from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed
-from qinit_cli.fitted import FitOptions, FittedTables
+from qinit_cli.fitted import FitOptions, FittedTables, in_returns
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline import fit_statistics as statistics
 from qinit_cli.pipeline.fit import Selection
@@ -107,6 +109,10 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
             f"{source.path} holds target tasks, learned for `optimal`; fit sources, or nothing is transferred"
         )
     family = settings.family.installed(source.provenance)
+    if fitting.check_theory and family.payment(settings.learning.gamma) is not None:
+        raise NotAllowed(
+            f"--check-theory is of a reward of 1 at the goal, and steps of {source.path} pay otherwise; leave it out"
+        )
     selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
     return Asked(
         family,
@@ -122,9 +128,10 @@ def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
     """The fit's layout, over the sources' own axes: looking at an environment again would need its module."""
     *states, action = _axes(source)
     state_action = (*(axis.name for axis in states), action.name)
-    return fit_schema(
-        tuple(states), action, library, *fit_statistics(statistics.contents(fitting), state_action)
-    )
+    settings = SourcesSettings.read(source.spec)
+    bounds = settings.family.bounds(settings.learning.gamma)
+    more = fit_statistics(statistics.contents(fitting), state_action)
+    return fit_schema(tuple(states), action, library, *more, bounds=bounds)
 
 
 def _axes(source: Artefact) -> list[Axis]:
@@ -140,23 +147,25 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
     origin = statistics.Origin(family, sources.learning.gamma, sources.seed)
     names = statistics.columns(fitting, family)
     sample = statistics.Sample(selection.kept, origin.seed, names)
-    blocks = source.blocks(dict.fromkeys(("q", "td_var", "eopl", *names)), stage.BLOCK)
+    wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *names)))
+    blocks, bounds = blocks_in_shares(source, wanted, stage.BLOCK), bounds_of(family, origin.gamma)
     arrays = stage.fit(sample.reading(progress.counting(blocks)), selection, fitting)
+    arrays = in_returns(arrays, bounds)
     arrays |= statistics.statistics(sample.columns, origin, fitting)
     if held.any():
         *states, _ = _axes(source)
-        fitted = FittedTables.from_arrays(
-            arrays, math.prod(len(axis.values) for axis in states), fitting.estimator
-        )
+        entries = math.prod(len(axis.values) for axis in states)
+        fitted = FittedTables.from_arrays(arrays, entries, fitting.estimator, bounds)
         first = int(held.argmax())
         arrays |= statistics.held_out_errors(_rows(source, first), held[first:], fitted, origin)
     return arrays
 
 
 def _rows(source: Artefact, first: int) -> Iterator[dict[str, Any]]:
-    """The tasks from the `first` on, in blocks."""
+    """The tasks from the `first` on, in blocks, with shares in the place of returns."""
+    shares = Shares.of(source)
     for start in range(first, source.task_count, stage.BLOCK):
-        yield source.rows(start, min(start + stage.BLOCK, source.task_count))
+        yield shares.block(source.rows(start, min(start + stage.BLOCK, source.task_count)))
 
 
 def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selection:

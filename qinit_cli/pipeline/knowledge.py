@@ -9,6 +9,7 @@ from pathlib import Path
 from qinit_cli.artefacts.opening import family_in, open_artefact
 from qinit_cli.artefacts.settings import FitSettings
 from qinit_cli.environments import Family
+from qinit_cli.environments.family import bounds_of
 from qinit_cli.fitted import FittedTables
 from qinit_store.held import Held
 
@@ -31,7 +32,9 @@ class Knowledge:
             family = family_in(artefact)
             names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
             arrays = {name: artefact.read(name) for name in names}
-            fit = FittedTables.from_arrays(arrays, math.prod(family.shape), settings.options.estimator)
+            bounds = bounds_of(family, settings.sources.learning.gamma)
+            states = math.prod(family.shape)
+            fit = FittedTables.from_arrays(arrays, states, settings.options.estimator, bounds)
             return cls(source, fit, family, artefact.content_sha256, settings)
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 from qinit_cli.analysis.moments import Moments, merged, moments
 from qinit_cli.artefacts.settings import RunSettings, StoredMethod
 from qinit_cli.elementary import ln
+from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import Initial, Method
@@ -136,10 +137,9 @@ class Lifetime:
         )
 
     def _absorb(self, row: Rows) -> None:
-        shape = self.fit.mu.shape
-        self.known = self.known.with_task(
-            row["q"].reshape(shape), row["visits"].reshape(shape), self.min_visits
-        )
+        shape, targets = self.fit.mu.shape, self.targets
+        shares = bounds_of(targets.family, targets.learning.gamma).shares(row["q"].reshape(shape))
+        self.known = self.known.with_task(shares, row["visits"].reshape(shape), self.min_visits)
         self.age += 1
 
 

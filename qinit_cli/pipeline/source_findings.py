@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.artefacts.opening import open_artefact
+from qinit_cli.artefacts.sources import blocks_in_shares
 from qinit_cli.environments.family import draw_tasks, relative_error
 from qinit_cli.seeding import Stream
 from qinit_cli.tasks import SourceTasks
@@ -23,7 +24,7 @@ ERROR_TASKS = 1_000  # the errors against exact tables are taken over at most th
 
 @dataclass(frozen=True)
 class LearnedSources:
-    """What an artefact of N sources holds, and the first ones' relative errors against exact tables."""
+    """What an artefact of N sources holds, values as shares, and the first ones' relative errors against exact tables."""
 
     ids: Integers  # (N,)
     solved: Flags  # (N,)
@@ -56,7 +57,7 @@ def learned(source: Path | Held, tasks: SourceTasks) -> LearnedSources:
     solved, errors = [np.empty(0, np.bool_)], [np.empty((0, entries))]
     least, largest = [np.empty(0)], [np.empty(0)]
     with open_artefact(source, "sources") as artefact:
-        for block in artefact.blocks(("solved", "q"), artefact.schema.block_size):
+        for block in blocks_in_shares(artefact, ("solved", "q")):
             solved.append(block["solved"].astype(bool))
             q = block["q"].reshape(len(block["q"]), -1, len(family.actions))
             largest.append(q.max(axis=(1, 2)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.environments.family import Family, bounds_of, draw_tasks
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import QLearner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -33,9 +33,18 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     if sources.exact and not family.tabular:
         raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
     learning = sources.learning(type(family))
+    check_learned(family, learning)
+    return SourceTasks(family, "exact" if sources.exact else learning.learner.name, learning, sources.seed)
+
+
+def check_learned(family: Family, learning: Learning) -> None:
+    """UsageError where the family cannot be learned so."""
     if refusal := family.refusal(learning):
         raise UsageError(refusal)
-    return SourceTasks(family, "exact" if sources.exact else learning.learner.name, learning, sources.seed)
+    try:
+        family.payment(learning.gamma)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
 
 
 def plan_of(tasks: SourceTasks, count: int) -> Plan:
@@ -73,9 +82,8 @@ def _schema(tasks: SourceTasks) -> Any:
     from qinit_cli.artefacts.opening import action_axis
     from qinit_cli.artefacts.sources import sources_schema
 
-    return sources_schema(
-        tasks.family.axes(), action_axis(tasks.family), tasks.family.parameters(), tasks.bins
-    )
+    family, bounds = tasks.family, bounds_of(tasks.family, tasks.learning.gamma)
+    return sources_schema(family.axes(), action_axis(family), family.parameters(), tasks.bins, bounds)
 
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
@@ -121,12 +129,15 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
-    family, optimism = sources.family, sources.learning.learner.optimism
+    family, gamma = sources.family, sources.learning.gamma
+    optimism = sources.learning.learner.optimism
+    # Q-learning begins at a return of 0, whatever the bounds
+    first = optimism and bounds_of(family, gamma).value(optimism)
     worlds = family.worlds(tasks, sequences(sources.seed, sources.streams.world, indices))
     batch = learn(
         worlds,
         sources.learning,
-        Start(np.full((worlds.states, worlds.actions), optimism)),
+        Start(np.full((worlds.states, worlds.actions), first)),
         LaneStreams(
             rng=lane_seeds(sequences(sources.seed, sources.streams.rng, indices)),
             starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
@@ -134,6 +145,7 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
         ),
         Records(sources.bins, visits=True, td_var=True),
         watch,
+        payment=family.payment(gamma),
     )
     episodes = bin_sizes(sources.learning.episodes, sources.bins)
     return {

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.environments.family import Family
+from qinit_cli.environments.family import Family, bounds_of
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.methods import Initial, Method
-from qinit_cli.pipeline.sources import Rows, by_learner, in_names, sequences, shaped
+from qinit_cli.pipeline.sources import Rows, by_learner, check_learned, in_names, sequences, shaped
 from qinit_cli.tasks import TargetTasks
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from qinit_cli.watch import Watch
 
 EPISODE_BYTES, EVALUATION_BYTES = 5, 20  # in a run: steps and goal; return, share that arrives and steps
+RETURN_BYTES = 8  # of an episode whose rewards the world tells
 
 
 def targets_of(
@@ -41,8 +42,7 @@ def targets_of(
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
     check_together(method, settings.learner)
-    if refusal := family.refusal(settings):
-        raise UsageError(refusal)
+    check_learned(family, settings)
     targets = TargetTasks(
         family,
         settings,
@@ -51,9 +51,8 @@ def targets_of(
         learning.evaluate_every,
     )
     count = learning.tasks or family.target_tasks
-    check_artefact(
-        Footprint(count, settings.episodes * EPISODE_BYTES + targets.evaluations * EVALUATION_BYTES)
-    )
+    episode = EPISODE_BYTES + RETURN_BYTES * tells_returns(family, settings.gamma)
+    check_artefact(Footprint(count, settings.episodes * episode + targets.evaluations * EVALUATION_BYTES))
     return targets, count
 
 
@@ -130,6 +129,12 @@ def _kernel(targets: TargetTasks, initial: Initial) -> str:
     return ", ".join([first, *(name for name, used in features.items() if used)])
 
 
+def tells_returns(family: Family, gamma: float) -> bool:
+    """Whether the world tells its rewards, so that a run keeps the return of each episode."""
+    paid = family.payment(gamma)
+    return paid is not None and paid.step is None
+
+
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.artefacts.opening import action_axis
     from qinit_cli.artefacts.run import run_schema
@@ -144,6 +149,8 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         potential_per_task=initial.potential_per_task,
         exact_values=family.tabular,
         attainable=isinstance(targets.learning.explore, EpsilonGreedy),
+        bounds=bounds_of(family, targets.learning.gamma),
+        told_returns=tells_returns(family, targets.learning.gamma),
         evaluations=targets.evaluations,
         keep_q=targets.keep_q,
         updating=targets.keep_visits,
@@ -156,12 +163,12 @@ def learn_targets(
     targets: TargetTasks, initial: Initial, indices: Integers, watch: Watch
 ) -> tuple[Integers, Rows]:
     """The ids of the tasks that were finished, and a row for each column of the artefact; fewer once `watch` was stopped."""
-    from qinit_cli.analysis.returns import discounted_returns
+    from qinit_cli.analysis.returns import earned
     from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
     from qinit_cli.kernels.random_streams import lane_seeds, seeds
 
     family, learning = targets.family, targets.learning
-    tasks = targets.draw(indices)
+    tasks, paid = targets.draw(indices), family.payment(learning.gamma)
     own = initial.of(indices)
     learned = learn(
         family.worlds(tasks, sequences(targets.seed, targets.streams.world, indices)),
@@ -181,6 +188,7 @@ def learn_targets(
             moments=targets.moments,
         ),
         watch,
+        payment=paid,
     )
     kept = learned.finished
     rows: Rows = {
@@ -189,6 +197,8 @@ def learn_targets(
         "seconds": learned.seconds[kept],
         **{name: tasks[name][kept] for name in tasks.dtype.names or ()},
     }
+    if learned.returns is not None:
+        rows["return"] = learned.returns[kept]
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
         rows["v_star"] = family.start_value(exact)
@@ -198,7 +208,10 @@ def learn_targets(
             rows["v_eps"] = np.full(len(exact), np.nan)
     if learned.evaluation_steps is not None and learned.evaluation_reached is not None:
         reached = learned.evaluation_reached[kept].astype(bool)
-        rows["eval_return"] = discounted_returns(learned.evaluation_steps[kept], reached, learning.gamma)
+        evaluated: Rows = {"steps": learned.evaluation_steps[kept], "reached": reached}
+        if learned.evaluation_returns is not None:
+            evaluated["return"] = learned.evaluation_returns[kept]
+        rows["eval_return"] = earned(evaluated, paid, learning.gamma)
         rows["eval_reached"] = reached.astype(np.float64)
         rows["eval_steps"] = learned.evaluation_steps[kept].astype(np.int32)
     if learned.weighing is not None:
@@ -243,4 +256,11 @@ def learned(made: Made, targets: TargetTasks, fit: FittedTables) -> TargetsLearn
         unsolvable=int((~solvable).sum()),
         steps=steps / len(reached) if len(reached) else 0.0,
         knows=bool(fit.known.any()),
+        least_return=_without_the_goal(targets),
     )
+
+
+def _without_the_goal(targets: TargetTasks) -> float | None:
+    """The return of an episode without the goal; None where the world tells its rewards."""
+    gamma = targets.learning.gamma
+    return None if tells_returns(targets.family, gamma) else bounds_of(targets.family, gamma).low

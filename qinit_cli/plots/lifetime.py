@@ -73,10 +73,12 @@ def _lived(path: Path, words: str, store: Path, notes: list[str]) -> Lived:
         settings = RunSettings.read(artefact.spec)
         named = f"{settings.method.label}, {settings.family.label}"
         label = legible(with_words(named, words))
-        gamma = settings.learning.gamma
-        reached = artefact.read("reached").astype(bool)
-        earned = returns.discounted_returns(artefact.read("steps"), reached, gamma).mean(axis=1)
-        updated = "log_std" in {column.name for column in artefact.schema.columns}
+        gamma, columns = settings.learning.gamma, {column.name for column in artefact.schema.columns}
+        rows: dict[str, Any] = {
+            name: artefact.read(name) for name in ("steps", "reached", "return") if name in columns
+        }
+        earned = returns.earned(rows, settings.family.payment(gamma), gamma).mean(axis=1)
+        updated = "log_std" in columns
         spread = artefact.read("log_std") if updated else np.empty(0)
         fitted = _as_fitted(artefact, store, notes) if updated else float("nan")
         return Lived(label, artefact.tasks + 1, earned, returns.smoothed(earned, WINDOW), spread, fitted)

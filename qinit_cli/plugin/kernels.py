@@ -10,12 +10,14 @@ from qinit_cli.kernels.learner import (
     is_state,
     learn_towards,
     put_value,
+    target_of,
     update,
     value,
     worth,
 )
 from qinit_cli.kernels.loop import SteppedWorlds
 from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.policies import Policies
 from qinit_cli.kernels.random_streams import below, seeds, unit
 from qinit_cli.kernels.tables import Tables
@@ -46,8 +48,10 @@ __all__ = [
     "seeds",
     "starts",
     "steps",
+    "target_of",
     "unit",
     "update",
     "value",
+    "with_reward",
     "worth",
 ]
