@@ -139,25 +139,21 @@ def _paid_place_of(world, task, lane, step, state, choice, action, drawn, rng, s
 def _place(world, task, state, action, upper):
     """The place that a step leads to, given the upper 32 bits of its draw."""
     outcomes = world.outcomes[task, state, action]
-    return outcomes[_outcome(outcomes, upper)] & PLACE
+    drawn, passed = upper << PLACE_BITS | PLACE, 0
+    for outcome in range(len(outcomes) - 1):  # no branch that a processor could guess wrong
+        passed += drawn >= outcomes[outcome]
+    return outcomes[passed] & PLACE
 
 
 @inlined
 def _paid_place(world, task, lane, state, action, upper):
     """The same; notes the reward."""
     outcomes = world.outcomes[task, state, action]
-    outcome = _outcome(outcomes, upper)
-    world.paid[lane] = world.rewards[task, state, action, outcome]
-    return outcomes[outcome] & PLACE
-
-
-@inlined
-def _outcome(outcomes, upper):
-    """Which outcome a step has, given the upper 32 bits of its draw."""
     drawn, passed = upper << PLACE_BITS | PLACE, 0
-    for outcome in range(len(outcomes) - 1):  # no branch that a processor could guess wrong
+    for outcome in range(len(outcomes) - 1):
         passed += drawn >= outcomes[outcome]
-    return passed
+    world.paid[lane] = world.rewards[task, state, action, passed]
+    return outcomes[passed] & PLACE
 
 
 def _outcomes(after: NDArray[np.int32], limits: Floats) -> Words:
