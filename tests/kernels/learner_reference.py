@@ -1,7 +1,7 @@
 """Learners and explorations as their sources write them down: one task, plain Python.
 
-A step goes from `state` by `action` to `after`, and pays `reward`: 1 for entering the goal, else 0. `after` is None where the
-episode ended by itself; where it was cut off, what would have followed still counts.
+A step goes from `state` by `action` to `after`, and pays `reward`: 1 for entering the goal, else 0, or what the world `paid`.
+`after` is None where the episode ended by itself; where it was cut off, what would have followed still counts.
 """
 
 from __future__ import annotations
@@ -148,6 +148,7 @@ class Learner:
         self.visits = [[0] * len(row) for row in q]
         self.td_var = [[0.0] * len(row) for row in q]
         self.left = [[1.0] * len(row) for row in q]  # the share of its start in a value
+        self.told = False  # whether the world tells its rewards: then R-Max sums them before what follows
         self.weighed: Any = None  # hypotheses that an update's step is weighed by
 
     def begin(self, episode: int) -> None:
@@ -215,7 +216,7 @@ class Sarsa(Learner):
 
     def begin(self, episode: int) -> None:
         super().begin(episode)
-        self.waiting: tuple[int, int, int] | None = None
+        self.waiting: tuple[int, int, float, int] | None = None
 
     def chose(self, state: int, action: int) -> None:
         self.learn_from(self.q[state][action])
@@ -224,18 +225,18 @@ class Sarsa(Learner):
         if after is None:
             self.update(state, action, reward, None, 0.0)
         else:
-            self.waiting = state, action, after
+            self.waiting = state, action, reward, after
 
     def end(self) -> None:
         if self.waiting is not None:
-            self.learn_from(self.explore.expected(self.waiting[2]))
+            self.learn_from(self.explore.expected(self.waiting[3]))
 
     def learn_from(self, future: float) -> None:
         """The update that waited for what follows its step."""
         if self.waiting is not None:
-            state, action, after = self.waiting
+            state, action, reward, after = self.waiting
             self.waiting = None
-            self.update(state, action, 0.0, after, future)
+            self.update(state, action, reward, after, future)
 
 
 class DoubleQ(Learner):
@@ -352,7 +353,13 @@ class RMax(Learner):
 
     def backup(self, state: int, action: int) -> float:
         met = self.met[state, action]
-        return in_order([reward + self.gamma * self.largest(after) for reward, after in met]) / len(met)
+        rewards, follow = (
+            [reward for reward, _ in met],
+            [self.gamma * self.largest(after) for _, after in met],
+        )
+        if self.told:
+            return in_order([in_order(rewards), *follow]) / len(met)
+        return in_order([reward + value for reward, value in zip(rewards, follow, strict=True)]) / len(met)
 
     def plan(self, first: int) -> None:
         """Value iteration in the model, of what a change reaches, first in, first out."""

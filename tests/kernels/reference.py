@@ -54,6 +54,8 @@ class Outcome:
     evaluation: list[tuple[int, bool]] = field(
         default_factory=list
     )  # length and reached of each greedy episode
+    returns: list[float] = field(default_factory=list)  # per episode
+    evaluated: list[float] = field(default_factory=list)  # return of each greedy episode
 
 
 class Gridworld:
@@ -207,8 +209,12 @@ class Choices:
         self.psi *= self.nu
         return follows
 
-    def episode_ended(self, length: int, reached: bool) -> None:
-        gained = self.gamma ** (length - 1) if reached else 0.0
+    def share(self, length: int, reached: bool, gained: float) -> float:
+        """What an episode is credited with: its return, as a share of the attainable one."""
+        return self.gamma ** (length - 1) if reached else 0.0
+
+    def episode_ended(self, length: int, reached: bool, gained: float) -> None:
+        gained = self.share(length, reached, gained)
         self.returns[self.chosen].append(gained)
         self.mean[self.chosen] += (gained - self.mean[self.chosen]) / len(self.returns[self.chosen])
         self.first_psi *= self.rho
@@ -285,15 +291,17 @@ def cut_off(world) -> bool:
     return getattr(world, "cut", False)
 
 
-def evaluated(world, q, horizon: int, draws: Iterator[int]) -> tuple[int, bool]:
-    """Length of a greedy episode from the target start, and whether it reached the goal."""
+def evaluated(world, q, learning: Learning, draws: Iterator[int]) -> tuple[int, bool, float]:
+    """Length of a greedy episode from the target start, whether it reached the goal, and its return."""
     world.reset_to_target(draws)
-    length, reached = 0, False
+    length, reached, gained, discount, horizon = 0, False, 0.0, 1.0, learning.horizon
     while not (reached or ended(world) or cut_off(world)) and length < horizon:
         draw = next(draws)
         reached = world.step(draw, picked(draw, greedy_actions(q[world.state])), draws)
+        gained += discount * getattr(world, "paid", float(reached))
+        discount *= learning.gamma
         length += 1
-    return length, reached
+    return length, reached, gained
 
 
 def learn(
@@ -313,17 +321,19 @@ def learn(
     q = [[float(value) for value in row] for row in table]
     explore = EXPLORATIONS[learning.explore.name](learning, q)
     learner = LEARNERS[learning.learner.name](learning, q, potential, explore, coins)
-    learner.weighed = weighed
+    learner.weighed, learner.told = weighed, hasattr(world, "paid")
     out = Outcome(q, learner.visits, learner.td_var)
     for episode in range(learning.episodes + 1):
         if every > 0 and episode % every == 0:
-            out.evaluation.append(evaluated(world, q, learning.horizon, evaluation))
+            *told, gained = evaluated(world, q, learning, evaluation)
+            out.evaluation.append(tuple(told))
+            out.evaluated.append(gained)
         if episode == learning.episodes:
             break
         world.reset()
         explore.begin(episode)
         learner.begin(episode)
-        length, reached, over = 0, False, False
+        length, reached, over, gained, discount = 0, False, False, 0.0, 1.0
         while not over:
             draw = next(rng)
             state = world.state
@@ -336,13 +346,16 @@ def learn(
             explore.took(state, action)
             length += 1
             over = reached or ended(world)
-            learner.step(state, action, float(reached), None if over else world.state)
+            reward = world.paid if learner.told else float(reached)
+            gained, discount = gained + discount * reward, discount * learning.gamma
+            learner.step(state, action, reward, None if over else world.state)
             over = over or cut_off(world) or length == learning.horizon
         learner.end()
+        out.returns.append(gained)
         out.steps.append(length)
         out.reached.append(reached)
         if choices is not None:
-            choices.episode_ended(length, reached)
+            choices.episode_ended(length, reached, gained)
         if weighed is not None:
             weighed.episode_ended(reached)
     return out
