@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from qinit_cli.options import check, option
-from qinit_cli.rewards import UNIT, Bounds
+from qinit_cli.rewards import UNIT, ReturnBounds
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers
@@ -80,7 +80,7 @@ class FitOptions:
 class FittedTables:
     """Statistics of the source tables per state-action; NaN where no source has a positive value.
 
-    Q stands for its share of the attainable return, see rewards.Bounds: with rewards of 1 at the goal, Q itself.
+    Q stands for its share of the attainable return, see rewards.ReturnBounds: with rewards of 1 at the goal, Q itself.
     """
 
     mu: Floats  # (S, A) mean of ln Q
@@ -96,7 +96,7 @@ class FittedTables:
     library_q: Floats  # (K, S, A)
     library_td_var: Floats  # (K, S, A)
     estimator: str
-    bounds: Bounds = UNIT  # of the sources' returns
+    bounds: ReturnBounds = UNIT  # of the sources' returns
 
     TABLES: ClassVar[tuple[str, ...]] = (
         "mu",
@@ -128,7 +128,7 @@ class FittedTables:
 
     @classmethod
     def from_arrays(
-        cls, arrays: dict[str, Any], states: int, estimator: str, bounds: Bounds = UNIT
+        cls, arrays: dict[str, Any], states: int, estimator: str, bounds: ReturnBounds = UNIT
     ) -> FittedTables:
         """The fit in an artefact's arrays of returns within the bounds, their state axes laid out as one."""
         arrays = in_shares(arrays, bounds)
@@ -146,12 +146,12 @@ class FittedTables:
         )
 
 
-def in_shares(arrays: Mapping[str, Any], bounds: Bounds) -> dict[str, Any]:
+def in_shares(arrays: Mapping[str, Any], bounds: ReturnBounds) -> dict[str, Any]:
     """The arrays of a fit with shares in the place of returns."""
     return _mapped(arrays, bounds.shares, 1 / bounds.width)
 
 
-def in_returns(arrays: Mapping[str, Any], bounds: Bounds) -> dict[str, Any]:
+def in_returns(arrays: Mapping[str, Any], bounds: ReturnBounds) -> dict[str, Any]:
     """The inverse of `in_shares`."""
     return _mapped(arrays, bounds.returns, bounds.width)
 

@@ -20,7 +20,7 @@ EACH_STEP = -1.0  # what a step pays with --reward step
 
 
 @dataclass(frozen=True)
-class Bounds:
+class ReturnBounds:
     """The least and the largest return; ValueError where they do not differ."""
 
     low: float = 0.0
@@ -54,14 +54,14 @@ class Bounds:
         return shares if self == UNIT else self.low + self.width * shares
 
 
-UNIT = Bounds()
+UNIT = ReturnBounds()
 
 
 @dataclass(frozen=True)
 class Payment:
     """What steps pay where that is not 1 at the goal alone; having reached the goal is worth 0."""
 
-    bounds: Bounds
+    bounds: ReturnBounds
     step: float | None  # what every step pays; None: the world tells it
     lost: float  # what having ended elsewhere is worth
 
@@ -73,11 +73,11 @@ class PaidRange:
     going_on: tuple[float, float]
     ending: tuple[float, float]
 
-    def bounds(self, gamma: float) -> Bounds:
+    def bounds(self, gamma: float) -> ReturnBounds:
         """The bounds of the discounted return of episodes of any length, 0 within them; ValueError with a gamma of 1."""
         _check_discount(gamma)
         least, most = (reward / (1 - gamma) for reward in self.going_on)
-        return Bounds(min(0.0, self.ending[0], least), max(0.0, self.ending[1], most))
+        return ReturnBounds(min(0.0, self.ending[0], least), max(0.0, self.ending[1], most))
 
 
 def payment(reward: str, gamma: float) -> Payment | None:
@@ -89,7 +89,7 @@ def payment(reward: str, gamma: float) -> Payment | None:
         return None
     _check_discount(gamma)
     low = EACH_STEP / (1 - gamma)
-    return Payment(Bounds(low, 0.0), EACH_STEP, low - EACH_STEP)
+    return Payment(ReturnBounds(low, 0.0), EACH_STEP, low - EACH_STEP)
 
 
 def _check_discount(gamma: float) -> None:

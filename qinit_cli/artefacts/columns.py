@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from qinit_cli.rewards import UNIT, Bounds
+from qinit_cli.rewards import UNIT, ReturnBounds
 from qinit_store.schema import TASK, Axis, Column, digest_column
 
 LONGEST = 1e10  # seconds of a task: three hundred years
@@ -53,7 +53,7 @@ RETURNS = {
 SPREADS = {"std": 1, "td_var": 2, "library_td_var": 2}
 
 
-def within_bounds(columns: Iterable[Column], bounds: Bounds) -> tuple[Column, ...]:
+def within_bounds(columns: Iterable[Column], bounds: ReturnBounds) -> tuple[Column, ...]:
     """The columns, made for returns from 0 to 1, with the least and the largest value that these bounds allow."""
     from dataclasses import replace
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
-from qinit_cli.rewards import UNIT, Bounds
+from qinit_cli.rewards import SHARE, UNIT, ReturnBounds
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import FitSettings, Spec
@@ -100,7 +100,7 @@ def fit_schema(
     library: int,
     more_axes: tuple[Axis, ...] = (),
     more: tuple[Column, ...] = (),
-    bounds: Bounds = UNIT,
+    bounds: ReturnBounds = UNIT,
 ) -> Schema:
     """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
     import math
@@ -110,9 +110,10 @@ def fit_schema(
 
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
+    q = "Q" if bounds == UNIT else SHARE
     moments = (
-        Column("mu", state_action, "f8", long_name="mean of ln Q", nan=True),
-        Column("sigma", state_action, "f8", long_name="standard deviation of ln Q", low=0, nan=True),
+        Column("mu", state_action, "f8", long_name=f"mean of ln {q}", nan=True),
+        Column("sigma", state_action, "f8", long_name=f"standard deviation of ln {q}", low=0, nan=True),
         Column(
             "lognormal_median",
             state_action,
@@ -149,8 +150,8 @@ def fit_schema(
         Column("eopl_std", state_action, "f8", "step", "their standard deviation", low=0, nan=True),
     )
     counts = (
-        Column("n", state_action, "i4", long_name="sources with Q > 0", low=0),
-        Column("n_masked", state_action, "i4", long_name="sources left out: Q not positive", low=0),
+        Column("n", state_action, "i4", long_name=f"sources with {q} > 0", low=0),
+        Column("n_masked", state_action, "i4", long_name=f"sources left out: {q} not positive", low=0),
         Column("eopl_n", state_action, "i4", long_name="sources whose path arrives", low=0),
         Column("flags", state_action, "u1", long_name="how the pair was treated"),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
 from qinit_cli.learners.exploration import EpsilonGreedy
-from qinit_cli.rewards import UNIT, Bounds
+from qinit_cli.rewards import UNIT, ReturnBounds
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod
@@ -98,7 +98,7 @@ class RunKind(Kind["RunSettings"]):
             told_returns="return" in there,
         ).columns
 
-    def _bounds(self, artefact: Artefact) -> Bounds:
+    def _bounds(self, artefact: Artefact) -> ReturnBounds:
         """The least and the largest return of its targets."""
         settings = self.read(artefact.spec)
         return settings.family.bounds(settings.learning.gamma)
@@ -238,7 +238,7 @@ def run_schema(
     hypotheses: int = 0,
     moments: Array | None = None,
     attainable: bool = True,
-    bounds: Bounds = UNIT,
+    bounds: ReturnBounds = UNIT,
     told_returns: bool = False,
 ) -> Schema:
     """What target tasks leave behind; start and potential have a task axis where they depend on it.

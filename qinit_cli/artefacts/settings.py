@@ -24,7 +24,7 @@ from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
 from qinit_cli.options import is_of
 from qinit_cli.registry import PLUG_IN
-from qinit_cli.rewards import UNIT, Bounds, Payment, payment
+from qinit_cli.rewards import UNIT, Payment, ReturnBounds, payment
 from qinit_cli.schedules import Schedule, schedule
 from qinit_store.guard import MOST_TASKS
 
@@ -108,10 +108,10 @@ class StoredFamily:
             return self.here.payment(gamma)
         reward = str(self.options.get("reward", "goal"))
         if reward == "native":
-            return Payment(Bounds(-math.inf, math.inf), None, 0.0)
+            return Payment(ReturnBounds(-math.inf, math.inf), None, 0.0)
         return payment(reward, gamma)
 
-    def bounds(self, gamma: float) -> Bounds:
+    def bounds(self, gamma: float) -> ReturnBounds:
         """The least and the largest return of its tasks."""
         paid = self.payment(gamma)
         return UNIT if paid is None else paid.bounds

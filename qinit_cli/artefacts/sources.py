@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
-from qinit_cli.rewards import SHARE, UNIT, Bounds
+from qinit_cli.rewards import SHARE, UNIT, ReturnBounds
 
 if TYPE_CHECKING:
     import numpy as np
@@ -135,7 +135,7 @@ def sources_schema(
     action: Axis,
     parameters: tuple[Column, ...],
     bins: int,
-    bounds: Bounds = UNIT,
+    bounds: ReturnBounds = UNIT,
 ) -> Schema:
     """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
     from qinit_cli.artefacts.columns import ROUNDING, index, kept, within_bounds
@@ -188,7 +188,7 @@ def sources_schema(
 def blocks_in_shares(
     artefact: Artefact, names: Sequence[str], size: int | None = None
 ) -> Iterator[dict[str, Any]]:
-    """The columns in blocks of tasks, `q` and `td_var` as shares of the attainable return, see rewards.Bounds."""
+    """The columns in blocks of tasks, `q` and `td_var` as shares of the attainable return, see rewards.ReturnBounds."""
     shares = Shares.of(artefact)
     for block in artefact.blocks((*names, *shares.needed), size or artefact.schema.block_size):
         yield shares.block(block)
@@ -198,7 +198,7 @@ def blocks_in_shares(
 class Shares:
     """How the returns in sources become shares of the attainable return."""
 
-    bounds: Bounds
+    bounds: ReturnBounds
     learned: bool
 
     @classmethod

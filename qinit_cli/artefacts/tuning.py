@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
 from qinit_cli.artefacts.run import method_reported
+from qinit_cli.rewards import UNIT, ReturnBounds
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Spec, TuningSettings
@@ -53,7 +54,9 @@ class TuningKind(Kind["TuningSettings"]):
         return tuple(self.read(spec).grid)
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
-        return tuning_schema(self.asked(artefact.spec), artefact.schema.sizes.get(CANDIDATE, 0)).columns
+        settings, tried = self.read(artefact.spec), artefact.schema.sizes.get(CANDIDATE, 0)
+        bounds = settings.family.bounds(settings.learning.gamma)
+        return tuning_schema(self.asked(artefact.spec), tried, bounds).columns
 
     def reported(self, told: TuningSettings) -> Iterator[Reported]:
         yield Reported("Source tasks", told.sources.spec(), 1)
@@ -85,9 +88,9 @@ class TuningKind(Kind["TuningSettings"]):
 TUNING = TuningKind()
 
 
-def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
+def tuning_schema(parameters: tuple[str, ...], candidates: int, bounds: ReturnBounds = UNIT) -> Schema:
     """What choosing a method's parameters leaves behind: how each source fared as a target under each candidate."""
-    from qinit_cli.artefacts.columns import index, kept
+    from qinit_cli.artefacts.columns import index, kept, within_bounds
     from qinit_store.schema import TASK, Column, Schema, digest_axis
 
     columns = (
@@ -104,4 +107,4 @@ def tuning_schema(parameters: tuple[str, ...], candidates: int) -> Schema:
         *kept(),
         *(Column(name, (CANDIDATE,), "f8", long_name="parameter of the candidate") for name in parameters),
     )
-    return Schema("tuning", (index(CANDIDATE, candidates), digest_axis()), columns)
+    return Schema("tuning", (index(CANDIDATE, candidates), digest_axis()), within_bounds(columns, bounds))

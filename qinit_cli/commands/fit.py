@@ -50,6 +50,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.pipeline.estimate import Expected
     from qinit_cli.pipeline.fitting import asked_of, bytes_of, make_fit
     from qinit_cli.pipeline.keeping import target_path
+    from qinit_cli.rewards import SHARE, UNIT
 
     path = references.one(sources, output.store, "scipy.special", output=output.output)
     if output.dry_run:
@@ -60,26 +61,32 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     made, arrays, asked = make_fit(path, fitting, output.keeping, Printed(display))
     names = {axis.name: axis.values for axis in asked.schema.axes}
     found = findings(arrays | names, fitting)
-    sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked)
     made.tally.extra["statistics"] = found
     gamma = asked.settings.sources.learning.gamma
-    weak = of_fit(gamma, bounds_of(asked.family, gamma), arrays)
+    bounds = bounds_of(asked.family, gamma)
+    quantity = "Q" if bounds == UNIT else SHARE
+    sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked, quantity)
+    weak = of_fit(gamma, arrays, bounds)
     warn(made, "", [*outdated(asked.settings), *weak], display)
-    say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found))
+    say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found, quantity))
 
 
-def _summary(arrays: dict[str, Any], asked: Asked) -> str:
+def _summary(arrays: dict[str, Any], asked: Asked, quantity: str) -> str:
     from qinit_cli.pipeline.fitting import unlearned
 
     selection = asked.selection
     unknown = int((arrays["n"] == 0).sum())
     masked = int(arrays["n_masked"].sum())
+    meant = (
+        "" if quantity == "Q" else f"; {quantity} = (Q - low) / (high - low), returns being from low to high"
+    )
     sentence = (
         f"{counted(int(selection.kept.sum()), 'source')} fitted over {counted(arrays['n'].size, 'state-action')}; "
-        f"{counted(masked, 'entry', 'entries')} masked (Q not positive), {counted(unknown, 'state-action')} that no source knows"
+        f"{counted(masked, 'entry', 'entries')} masked ({quantity} not positive), "
+        f"{counted(unknown, 'state-action')} that no source knows"
     )
     if selection.unsolvable:
         sentence += f"; {counted(selection.unsolvable, 'source')} that cannot be solved left out"
     if selection.unlearned:
         sentence += f"; {selection.unlearned} {unlearned(asked.settings.sources)}"
-    return sentence
+    return sentence + meant

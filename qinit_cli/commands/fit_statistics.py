@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 MINUS = "\N{MINUS SIGN}"
 
 
-def lines(findings: Findings) -> Iterator[str]:
-    """What was found, line by line; nothing for what was not asked for."""
+def lines(findings: Findings, quantity: str = "Q") -> Iterator[str]:
+    """What was found of a quantity, line by line; nothing for what was not asked for."""
     if "normality" in findings:
-        yield _test("ln Q normal", findings["normality"])
+        yield _test(f"ln {quantity} normal", findings["normality"])
     if "eopl_normality" in findings:
         yield _test("path lengths normal", findings["eopl_normality"])
     if "alternatives" in findings:
-        yield from _alternatives(findings["alternatives"])
+        yield from _alternatives(findings["alternatives"], quantity)
     if "holdout" in findings:
         yield from _held_out(findings["holdout"])
     if "theory" in findings:
@@ -47,8 +47,8 @@ def _test(question: str, found: Findings) -> str:
     )
 
 
-def _alternatives(found: Findings) -> Iterator[str]:
-    yield f"what describes Q best, share of {found['tested']} state-actions that each wins:"
+def _alternatives(found: Findings, quantity: str) -> Iterator[str]:
+    yield f"what describes {quantity} best, share of {found['tested']} state-actions that each wins:"
     rows = [
         (
             one["distribution"],

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats
-    from qinit_cli.rewards import Bounds
+    from qinit_cli.rewards import ReturnBounds
     from qinit_store.reading import Artefact
 
 
@@ -73,7 +73,7 @@ class ComparedRun:
         return self.settings.learning.gamma
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> ReturnBounds:
         """The least and the largest return."""
         return self.settings.family.bounds(self.gamma)
 

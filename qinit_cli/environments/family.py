@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from qinit_cli.learning import Learning
-from qinit_cli.rewards import UNIT, Bounds, Payment
+from qinit_cli.rewards import UNIT, Payment, ReturnBounds
 from qinit_cli.seeding import Stream, generator
 
 if TYPE_CHECKING:
@@ -161,14 +161,14 @@ def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers) -> 
     return np.array(drawn, dtype=dtype)
 
 
-def bounds_of(family: Family, gamma: float) -> Bounds:
+def bounds_of(family: Family, gamma: float) -> ReturnBounds:
     """The least and the largest return of the family's tasks."""
     paid = family.payment(gamma)
     return UNIT if paid is None else paid.bounds
 
 
 def relative_error(family: Family, gamma: float, tasks: Tasks, q: Floats) -> Floats:
-    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A); as shares, see rewards.Bounds."""
+    """|Q - Q*| / Q* of each entry of `q` (B, S, A) with Q* > 0, NaN elsewhere, (B, S, A); as shares, see rewards.ReturnBounds."""
     import numpy as np
 
     exact, _ = family.solve(tasks, gamma)

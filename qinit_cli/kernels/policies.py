@@ -3,7 +3,7 @@
 
 Each policy is tried once, in random order; then the one is taken for which W + c * sqrt(2 ln k / n) is largest (the first of
 equals), W its mean return divided by the best return that any episode of this task had (0 while that is 0; both as shares, see
-rewards.Bounds), n its episodes, k the episodes so far. In the k-th episode the policy is followed with probability
+rewards.ReturnBounds), n its episodes, k the episodes so far. In the k-th episode the policy is followed with probability
 psi = psi0 * rho^(k-1) * nu^t at step t.
 """
 

@@ -25,7 +25,7 @@ from qinit_cli.kernels.lane import rescan, width_of
 from qinit_cli.kernels.payment import with_reward
 from qinit_cli.kernels.reals import EIGHT, chosen, load_reals, store_reals, total
 from qinit_cli.kernels.vectors import WIDTH
-from qinit_cli.rewards import UNIT, Bounds, Payment
+from qinit_cli.rewards import UNIT, Payment, ReturnBounds
 
 NEVER = -1  # episode after which weights froze, where they never did
 # ln of a weight below the largest: no weight becomes 0, or who alone knows a pair would know it no more
@@ -36,7 +36,7 @@ LEAST = -600.0
 class Hypotheses:
     """Tables of solved tasks, any of which the target may be like, and how its steps tell between them.
 
-    Values are shares of the attainable return, see rewards.Bounds, and `bounds` those of the returns that the target learns.
+    Values are shares of the attainable return, see rewards.ReturnBounds, and `bounds` those of the returns that the target learns.
     """
 
     q: Floats  # (K, S, A); a table knows a pair where it is above 0
@@ -49,7 +49,7 @@ class Hypotheses:
     threshold: float
     geometric: bool
     centred: bool
-    bounds: Bounds = UNIT
+    bounds: ReturnBounds = UNIT
 
     def mean(self) -> Floats:
         """The tables' mean under equal weights, (S, A): over those that know the pair, NaN where none does."""

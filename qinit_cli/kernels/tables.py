@@ -16,7 +16,7 @@ from qinit_cli.kernels.loop import SteppedWorlds
 from qinit_cli.kernels.parts import body
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, below, unit
 from qinit_cli.kernels.worlds import GOAL, LOST, place_of, starts, steps
-from qinit_cli.rewards import Bounds
+from qinit_cli.rewards import ReturnBounds
 
 ROUNDING = 1e-9  # of probabilities that were added up or divided
 PLACE_BITS = np.uint64(24)
@@ -60,7 +60,7 @@ class Tables:
             world = PaidTableWorld(**world._asdict(), rewards=rewards, paid=np.empty(0))
         return SteppedWorlds(world, states, actions, rng)
 
-    def gains(self, bounds: Bounds, gamma: float) -> Floats:
+    def gains(self, bounds: ReturnBounds, gamma: float) -> Floats:
         """The rewards (B, S, A, O) as the shares that they add, 0 to 1; NotAllowed where a return is not within the bounds."""
         if self.reward is None:
             raise NotAllowed("the tables have no rewards")

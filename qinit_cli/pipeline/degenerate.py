@@ -15,7 +15,7 @@ import numpy as np
 from qinit_cli.fitted import in_shares
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
-from qinit_cli.rewards import Bounds
+from qinit_cli.rewards import UNIT, ReturnBounds
 from qinit_cli.schedules import Schedule
 from qinit_store.wording import counted, magnitude
 
@@ -69,7 +69,7 @@ def of_sources(learner: str, learning: Learning, found: SourcesLearned) -> Itera
         yield f"the sources are far from learned, by {found.error:.0%} in the median; ask for more --episodes"
 
 
-def of_fit(gamma: float, bounds: Bounds, arrays: Mapping[str, Any]) -> Iterator[str]:
+def of_fit(gamma: float, arrays: Mapping[str, Any], bounds: ReturnBounds = UNIT) -> Iterator[str]:
     """Why a fit with these arrays tells nothing, of sources with this discount and returns within these bounds."""
     arrays = in_shares(arrays, bounds)
     known = np.asarray(arrays["n"]) > 0

@@ -19,6 +19,7 @@ from qinit_cli.plots.names import listed, number, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, firsts
 from qinit_cli.plots.style import COLOURS, COLUMN, TEXT, house_style, plain_numbers
+from qinit_cli.rewards import SHARE, UNIT
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,6 +43,7 @@ POINTS = 200  # along a curve
 MOST_BINS = 40
 FIT_ROOM = 1.4  # of the tallest bar: how far up the fitted curve is shown
 HEIGHT = 5.6  # inches
+XLABELS = {"Q": "Q (discounted return)", SHARE: f"{SHARE}, the share of the attainable return"}
 
 CAPTION = (
     "Values over the source tasks at the action of the largest mean, with the fitted log-normal; beneath, "
@@ -71,6 +73,7 @@ class HistogramsPlot(Plot):
         """Q and ln Q of sources at the states that were asked for, else at the family's."""
         [path] = paths
         from qinit_cli.artefacts.opening import family_in, open_artefact
+        from qinit_cli.artefacts.sources import Shares
 
         with open_artefact(path, "sources") as artefact:
             family = family_in(artefact)
@@ -82,10 +85,11 @@ class HistogramsPlot(Plot):
                 )
             values = _values(artefact, list(chosen.values()))
             own = f"{family.label}, {artefact.task_count} source tasks"
+            quantity = "Q" if Shares.of(artefact).bounds == UNIT else SHARE
         shown = [_shown(name, values[:, at], family) for at, name in enumerate(chosen)]
         with house_style():
-            figure = histograms(shown, own if frame.title is None else frame.title, frame.width)
-        return Drawn(figure, frame.title or f"Histograms of Q, {own}", _alt(shown, own))
+            figure = histograms(shown, own if frame.title is None else frame.title, frame.width, quantity)
+        return Drawn(figure, frame.title or f"Histograms of {quantity}, {own}", _alt(shown, own, quantity))
 
     @classmethod
     def in_report(cls, contents: Contents) -> Iterator[Planned]:
@@ -94,15 +98,18 @@ class HistogramsPlot(Plot):
             yield Planned(caption, words, partial(cls().drawn, [path]))
 
 
-def _alt(shown: list[StateHistograms], own: str) -> str:
+def _alt(shown: list[StateHistograms], own: str, quantity: str) -> str:
     """The size, the median and both tests of each state-action."""
     parts = [
         ", ".join(" ".join(state.of_values.split("\n")[:2]).split(", masked 0"))
-        + f", median of Q {number(state.sample.median)}, Shapiro-Wilk of Q {state.of_values.splitlines()[-1]}, "
-        f"of ln Q {state.of_logarithms}"
+        + f", median of {quantity} {number(state.sample.median)}, Shapiro-Wilk of {quantity} "
+        f"{state.of_values.splitlines()[-1]}, of ln {quantity} {state.of_logarithms}"
         for state in shown
     ]
-    return f"Histograms of Q and of ln Q with the fitted log-normal, and quantiles of ln Q, {own}: {listed(parts)}."
+    return (
+        f"Histograms of {quantity} and of ln {quantity} with the fitted log-normal, and quantiles of ln {quantity}, {own}: "
+        f"{listed(parts)}."
+    )
 
 
 def _states(asked: Sequence[str] | None, family: Family) -> dict[str, tuple[int, ...]]:
@@ -142,11 +149,13 @@ def _indices(places: tuple[float, ...], family: Family) -> tuple[int, ...]:
 
 
 def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
-    """The action values of the states in every task, (N, STATE, A); one block of tasks is in memory at a time."""
+    """The states' action values as shares, see rewards.ReturnBounds, in every task, (N, STATE, A); a block of tasks is in memory."""
     import numpy as np
 
+    from qinit_cli.artefacts.sources import blocks_in_shares
+
     places = tuple(np.array(states).T)  # of each axis
-    blocks = artefact.blocks(("q",), artefact.schema.block_size)
+    blocks = blocks_in_shares(artefact, ("q",))
     return np.concatenate([block["q"][:, *places] for block in blocks])
 
 
@@ -184,7 +193,9 @@ class StateHistograms:
     of_logarithms: str
 
 
-def histograms(shown: Sequence[StateHistograms], title: str, width: float = TEXT) -> Figure:
+def histograms(
+    shown: Sequence[StateHistograms], title: str, width: float = TEXT, quantity: str = "Q"
+) -> Figure:
     """A column a state-action: histogram of Q, histogram of ln Q, quantiles of ln Q. Call it within `house_style`."""
     from matplotlib.figure import Figure
 
@@ -195,10 +206,10 @@ def histograms(shown: Sequence[StateHistograms], title: str, width: float = TEXT
         _histogram(values, sample.values, sample, sample.density)
         _histogram(logarithms, sample.logarithms, sample, sample.log_density)
         _quantiles(quantiles, sample)
-        values.set(title=state.of_values, xlabel="Q (discounted return)")
-        logarithms.set(title=state.of_logarithms, xlabel="ln Q")
+        values.set(title=state.of_values, xlabel=XLABELS[quantity])
+        logarithms.set(title=state.of_logarithms, xlabel=f"ln {quantity}")
         quantiles.set(xlabel="standard normal quantile")
-    for axes, beside in zip(panels[:, 0], ("source tasks", "source tasks", "ln Q"), strict=True):
+    for axes, beside in zip(panels[:, 0], ("source tasks", "source tasks", f"ln {quantity}"), strict=True):
         axes.set_ylabel(beside)
     figure.align_ylabels(panels[:, 0])
     _legend(figure, 3 if width > COLUMN else 1)

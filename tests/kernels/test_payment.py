@@ -20,11 +20,11 @@ from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa
 from qinit_cli.learners.optimistic import RMax
 from qinit_cli.learners.traces import QLambda
 from qinit_cli.learning import Learning
-from qinit_cli.rewards import Bounds, PaidRange, Payment, payment
+from qinit_cli.rewards import PaidRange, Payment, ReturnBounds, payment
 from qinit_cli.watch import Watch
 
 RULES = {"c": 0.2, "psi0": 0.9, "rho": 0.97, "nu": 0.95}
-TOLD = Payment(Bounds(-40.0, 60.0), None, 0.0)
+TOLD = Payment(ReturnBounds(-40.0, 60.0), None, 0.0)
 STEP = payment("step", USUAL.gamma)
 
 
@@ -153,24 +153,24 @@ def test_a_world_that_notes_no_rewards_is_refused() -> None:
 
 def test_the_bounds_of_a_return_come_from_the_least_and_the_largest_rewards() -> None:
     # 0 on the way, -1 or 1.5 at an end: a hand of Blackjack
-    assert PaidRange((0.0, 0.0), (-1.0, 1.5)).bounds(0.9) == Bounds(-1.0, 1.5)
+    assert PaidRange((0.0, 0.0), (-1.0, 1.5)).bounds(0.9) == ReturnBounds(-1.0, 1.5)
     # -1 or -10 on the way, 20 or -10 at an end: Taxi, where -10 for ever is the worst
-    assert PaidRange((-10.0, -1.0), (-10.0, 20.0)).bounds(0.5) == Bounds(-20.0, 20.0)
+    assert PaidRange((-10.0, -1.0), (-10.0, 20.0)).bounds(0.5) == ReturnBounds(-20.0, 20.0)
     # 1 on the way and at the end: the pole that is kept up
-    assert PaidRange((1.0, 1.0), (1.0, 1.0)).bounds(0.75) == Bounds(0.0, 4.0)
-    assert payment("step", 0.75).bounds == Bounds(-4.0, 0.0)
+    assert PaidRange((1.0, 1.0), (1.0, 1.0)).bounds(0.75) == ReturnBounds(0.0, 4.0)
+    assert payment("step", 0.75).bounds == ReturnBounds(-4.0, 0.0)
     assert payment("step", 0.75).lost - 1 == -4.0  # the reward of the last step, and -1 for ever
     with pytest.raises(ValueError, match="give --gamma below 1"):
         payment("step", 1.0)
 
 
-def test_rewards_with_which_returns_leave_their_bounds_are_refused_by_state_and_action() -> None:
-    tables = paid_tables()
-    worst = np.unravel_index(tables.reward.argmax(), tables.reward.shape)
-    with pytest.raises(
-        NotAllowed, match=f"pays {tables.reward[worst]:g}, with which returns leave the bounds"
-    ):
-        tables.gains(Bounds(-40.0, float(tables.reward.max()) - 0.1), 0.95)
-    gains = tables.gains(TOLD.bounds, 0.95)
+def test_a_reward_with_which_returns_leave_their_bounds_is_refused_by_state_and_action() -> None:
+    rewards = np.zeros(test_loop.tables().after.shape)
+    rewards[1, 2, 3, 0] = 5.0
+    tables = replace(test_loop.tables(), reward=rewards)
+    place = "action 3 in state 2 of task 1 of the batch pays 5"
+    with pytest.raises(NotAllowed, match=f"{place}, with which returns leave the bounds -1 to 4"):
+        tables.gains(ReturnBounds(-1.0, 4.0), 0.95)
+    gains = tables.gains(ReturnBounds(-1.0, 100.0), 0.95)
     assert gains.min() >= 0
     assert gains.max() <= 1
