@@ -36,7 +36,7 @@ LEAST = -600.0
 class Hypotheses:
     """Tables of solved tasks, any of which the target may be like, and how its steps tell between them.
 
-    Values are shares of the attainable return, see rewards.ReturnBounds, and `bounds` those of the returns that the target learns.
+    Values are shares of the attainable return, see rewards.ReturnBounds, and `bounds` those of what the target learns.
     """
 
     q: Floats  # (K, S, A); a table knows a pair where it is above 0

@@ -149,7 +149,7 @@ def _indices(places: tuple[float, ...], family: Family) -> tuple[int, ...]:
 
 
 def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
-    """The states' action values as shares, see rewards.ReturnBounds, in every task, (N, STATE, A); a block of tasks is in memory."""
+    """The states' values as shares, see rewards.ReturnBounds, in every task, (N, STATE, A); a block of tasks is in memory."""
     import numpy as np
 
     from qinit_cli.artefacts.sources import blocks_in_shares
