@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Reward = Literal["goal", "step"]
 NativeReward = Literal["goal", "step", "native"]
 SHARE = "x"  # (Q - low) / (high - low), in the labels of pictures
-REWARD = "Reward: 1 on reaching the goal, or step: -1 each step until the goal is reached."  # a help text
+REWARD = "Reward: goal, 1 on reaching the goal; step, -1 a step until the goal is reached."  # a help text
 EACH_STEP = -1.0  # what a step pays with --reward step
 
 

@@ -62,8 +62,8 @@ def of_run(told: RunSettings, sources: SourceSet | None) -> Setting:
 
 
 def known(told: SourcesSettings | RunSettings) -> bool:
-    """Whether the claims are about its family."""
-    return told.family.name in DISTRIBUTION
+    """Whether the claims are about its family and its reward."""
+    return told.family.name in DISTRIBUTION and told.family.payment(told.learning.gamma) is None
 
 
 def _setting(family: Family, told: list[str], full: bool) -> Setting:

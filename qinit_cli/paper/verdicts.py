@@ -98,7 +98,7 @@ class _Read:
             self.tested[key] = _tested(artefact, family)
         if family.name == GRIDWORLD and key not in self.maps:
             try:
-                self.maps[key] = _maps(artefact, family, told.options.estimator)
+                self.maps[key] = _maps(artefact, family, told)
             except NotAllowed:  # an estimator without a median has no such map
                 return
 
@@ -185,7 +185,7 @@ def _among(probabilities: Floats) -> Any:
     return among
 
 
-def _maps(artefact: Artefact, family: Family, estimator: str) -> Maps:
+def _maps(artefact: Artefact, family: Family, told: FitSettings) -> Maps:
     from qinit_cli.claims.evidence import Maps
     from qinit_cli.claims.heatmaps import MAPPED
     from qinit_cli.methods.plus import initialisations
@@ -193,12 +193,13 @@ def _maps(artefact: Artefact, family: Family, estimator: str) -> Maps:
 
     names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
     arrays = {name: artefact.read(name) for name in names}
-    fit = FittedTables.from_arrays(arrays, family.goal_chances().size, estimator)
-    methods = initialisations()
+    fit = FittedTables.from_arrays(arrays, family.goal_chances().size, told.options.estimator)
+    methods, gamma = initialisations(), told.sources.learning.gamma
     return Maps(
         probabilities=family.goal_chances().reshape(family.shape),
         starts={
-            name: start(methods[name](), fit, family).max(axis=1).reshape(family.shape) for name in MAPPED
+            name: start(methods[name](), fit, family, gamma).max(axis=1).reshape(family.shape)
+            for name in MAPPED
         },
     )
 

@@ -7,7 +7,7 @@ memory does not grow with the number of tasks.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -122,7 +122,7 @@ def held_out_errors(
     """
     from qinit_cli.analysis.held_out import held_out_error
 
-    starts = _starts(fit, origin.family)
+    starts = _starts(fit, origin)
     task: list[Any] = []
     errors: dict[str, list[Floats]] = {}
     for block in kept_of(blocks, held):
@@ -230,17 +230,18 @@ def _theory(q: Floats, eopl: Any, log_path: Floats, *, gamma: float) -> dict[str
     }
 
 
-def start(method: Method, fit: FittedTables, family: Family) -> Floats:
+def start(method: Method, fit: FittedTables, family: Family, gamma: float) -> Floats:
     """What an initialisation starts from, (S, A), as shares; NotAllowed where the fit's estimator has no such start."""
-    return fit.bounds.shares(method.initial_of_all(fit, family, family.target_learning).start)
+    learning = replace(family.target_learning, gamma=gamma)
+    return fit.bounds.shares(method.initial_of_all(fit, family, learning).start)
 
 
-def _starts(fit: FittedTables, family: Family) -> list[Floats]:
+def _starts(fit: FittedTables, origin: Origin) -> list[Floats]:
     """Each initialisation's start, (S, A), with its default options; NaN where the fit's estimator has none."""
     starts = []
     for method in initialisations().values():
         try:
-            starts.append(start(method(), fit, family))
+            starts.append(start(method(), fit, origin.family, origin.gamma))
         except NotAllowed:
             starts.append(np.full(fit.mean.shape, np.nan))
     return starts

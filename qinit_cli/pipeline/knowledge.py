@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from qinit_cli.artefacts.opening import family_in, open_artefact
@@ -11,6 +11,7 @@ from qinit_cli.artefacts.settings import FitSettings
 from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.fitted import FittedTables
+from qinit_cli.learning import Learning
 from qinit_store.held import Held
 
 
@@ -36,6 +37,14 @@ class Knowledge:
             states = math.prod(family.shape)
             fit = FittedTables.from_arrays(arrays, states, settings.options.estimator, bounds)
             return cls(source, fit, family, artefact.content_sha256, settings)
+
+    @property
+    def learning(self) -> Learning:
+        """How the sources were learned; of exact tables how targets are, with the sources' discount."""
+        sources = self.settings.sources
+        if sources.learner != "exact":
+            return sources.learning
+        return replace(self.family.target_learning, gamma=sources.learning.gamma)
 
     @property
     def path(self) -> Path:

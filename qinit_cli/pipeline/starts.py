@@ -6,7 +6,7 @@ import csv
 import io
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -33,11 +33,7 @@ class StartTable:
 def start_table(known: Knowledge, method: Method) -> StartTable:
     """The table of a method for the family of the fit; NotAllowed for a method that reads the target itself."""
     family = known.family
-    sources = known.settings.sources
-    learning = sources.learning
-    if sources.learner == "exact":
-        learning = replace(family.target_learning, gamma=learning.gamma)
-    initial = method.initial_of_all(known.fit, family, learning)
+    initial = method.initial_of_all(known.fit, family, known.learning)
     axes = {axis.name: _labels(axis.values) for axis in family.axes()}
     return StartTable(
         start=initial.start.reshape(*family.shape, -1),

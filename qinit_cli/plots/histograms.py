@@ -43,7 +43,7 @@ POINTS = 200  # along a curve
 MOST_BINS = 40
 FIT_ROOM = 1.4  # of the tallest bar: how far up the fitted curve is shown
 HEIGHT = 5.6  # inches
-XLABELS = {"Q": "Q (discounted return)", SHARE: f"{SHARE}, the share of the attainable return"}
+XLABELS = {"Q": "Q (discounted return)", SHARE: f"{SHARE}, share of the attainable return"}
 
 CAPTION = (
     "Values over the source tasks at the action of the largest mean, with the fitted log-normal; beneath, "

@@ -96,12 +96,11 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
     from qinit_cli.pipeline.knowledge import Knowledge
 
     known = Knowledge.read(path)
-    learning = known.family.target_learning
     tables = {}
     for method in methods:
         try:
             found = method()
-            start = found.initial_of_all(known.fit, known.family, learning).start
+            start = found.initial_of_all(known.fit, known.family, known.learning).start
         except NotAllowed as refusal:
             if notes is None:
                 raise
