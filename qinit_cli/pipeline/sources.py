@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qinit_cli.artefacts.columns import ROUNDING
 from qinit_cli.environments.family import Family, bounds_of, draw_tasks
-from qinit_cli.errors import UsageError
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import QLearner
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.learning import Learning
@@ -20,7 +21,7 @@ from qinit_cli.tasks import SourceTasks
 if TYPE_CHECKING:
     import numpy as np
 
-    from qinit_cli.arrays import Integers, Tasks
+    from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.pipeline.asked import LearningSources
     from qinit_cli.pipeline.job import Plan
     from qinit_cli.watch import Watch
@@ -147,6 +148,8 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
         watch,
         payment=family.payment(gamma),
     )
+    if tells_returns(family, gamma):
+        check_returns(family, gamma, batch.q[batch.finished])
     episodes = bin_sizes(sources.learning.episodes, sources.bins)
     return {
         "q": batch.q,
@@ -158,6 +161,24 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
         "seconds": batch.seconds,
         "finished": batch.finished,
     }
+
+
+def tells_returns(family: Family, gamma: float) -> bool:
+    """Whether the world tells its rewards, so that a run keeps the return of each episode."""
+    paid = family.payment(gamma)
+    return paid is not None and paid.step is None
+
+
+def check_returns(family: Family, gamma: float, returns: Floats) -> None:
+    """NotAllowed where returns leave the bounds that the family gives: shares of the attainable return would have no meaning."""
+    bounds = bounds_of(family, gamma)
+    slack = ROUNDING * bounds.width
+    beyond = returns[~((returns >= bounds.low - slack) & (returns <= bounds.high + slack))]
+    if beyond.size:
+        raise NotAllowed(
+            f"{family.label} has the return {beyond[0]:g}, beyond the bounds {bounds.low:g} to {bounds.high:g}; give "
+            "--returns LOW:HIGH"
+        )
 
 
 def sequences(seed: int, stream: Stream, indices: Integers) -> list[np.random.SeedSequence]:

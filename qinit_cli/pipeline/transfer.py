@@ -13,7 +13,15 @@ from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.methods import Initial, Method
-from qinit_cli.pipeline.sources import Rows, by_learner, check_learned, in_names, sequences, shaped
+from qinit_cli.pipeline.sources import (
+    Rows,
+    by_learner,
+    check_learned,
+    check_returns,
+    in_names,
+    sequences,
+    shaped,
+)
 from qinit_cli.tasks import TargetTasks
 
 if TYPE_CHECKING:
@@ -129,12 +137,6 @@ def _kernel(targets: TargetTasks, initial: Initial) -> str:
     return ", ".join([first, *(name for name, used in features.items() if used)])
 
 
-def tells_returns(family: Family, gamma: float) -> bool:
-    """Whether the world tells its rewards, so that a run keeps the return of each episode."""
-    paid = family.payment(gamma)
-    return paid is not None and paid.step is None
-
-
 def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.artefacts.opening import action_axis
     from qinit_cli.artefacts.run import run_schema
@@ -198,6 +200,7 @@ def learn_targets(
         **{name: tasks[name][kept] for name in tasks.dtype.names or ()},
     }
     if learned.returns is not None:
+        check_returns(family, learning.gamma, learned.returns[kept])
         rows["return"] = learned.returns[kept]
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
