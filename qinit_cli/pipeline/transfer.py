@@ -21,6 +21,7 @@ from qinit_cli.pipeline.sources import (
     in_names,
     sequences,
     shaped,
+    tells_returns,
 )
 from qinit_cli.tasks import TargetTasks
 
