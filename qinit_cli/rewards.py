@@ -75,7 +75,7 @@ class PaidRange:
 
     def bounds(self, gamma: float) -> ReturnBounds:
         """The bounds of the discounted return of episodes of any length, 0 within them; ValueError with a gamma of 1."""
-        _check_discount(gamma)
+        check_discount(gamma)
         least, most = (reward / (1 - gamma) for reward in self.going_on)
         return ReturnBounds(min(0.0, self.ending[0], least), max(0.0, self.ending[1], most))
 
@@ -83,16 +83,19 @@ class PaidRange:
 def payment(reward: str, gamma: float) -> Payment | None:
     """What `--reward` goal and step pay: None for 1 at the goal; for -1 a step, being lost is worth -1 a step for ever.
 
-    ValueError with a gamma of 1, where a return has no bounds.
+    ValueError for any other reward, and with a gamma of 1, where a return has no bounds.
     """
     if reward == "goal":
         return None
-    _check_discount(gamma)
+    if reward != "step":
+        raise ValueError(f"the reward is {reward!r}, for which nothing is known; it must be goal or step")
+    check_discount(gamma)
     low = EACH_STEP / (1 - gamma)
     return Payment(ReturnBounds(low, 0.0), EACH_STEP, low - EACH_STEP)
 
 
-def _check_discount(gamma: float) -> None:
+def check_discount(gamma: float) -> None:
+    """ValueError with a gamma of 1, where a return has no bounds."""
     if gamma == 1:
         raise ValueError(
             "--gamma is 1, and returns of costs have no bounds without a discount; give --gamma below 1"

@@ -63,6 +63,7 @@ OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
     "inputs": list,
 }
 OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
+LEFT_OUT = {"reward": "goal", "returns": None}  # not stored so, as before families had these options
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
@@ -78,10 +79,8 @@ class StoredFamily:
     def of(cls, family: Family) -> Self:
         """The family, to be stored."""
         told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
-        # left out where it is the goal's, as before families had another
-        return cls(
-            family.name, {key: told[key] for key in told if (key, told[key]) != ("reward", "goal")}, family
-        )
+        kept = {key: told[key] for key in told if key not in LEFT_OUT or told[key] != LEFT_OUT[key]}
+        return cls(family.name, kept, family)
 
     @classmethod
     def read(cls, told: Any) -> Self:

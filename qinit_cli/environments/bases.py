@@ -115,6 +115,10 @@ class NeutralFamily:
 
     def payment(self, gamma: float) -> Payment | None:
         """What steps pay by the field `reward`; None, 1 on reaching the goal, for a family without one."""
+        if self.reward == "native":
+            raise ValueError(
+                f"{self.name} gives native rewards and no bounds of their returns; override payment"
+            )
         return payment(self.reward, gamma)
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> Worlds:

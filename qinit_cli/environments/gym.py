@@ -1,22 +1,25 @@
 """Any Gymnasium environment whose observations are numbered, or can be put into bins, and whose actions are numbered.
 
-Its rewards are not used: a task is worth 1 on reaching the goal, as in every family, and `goal` says which end that is. Where the
+A task is worth 1 on reaching the goal, as in every family, unless `reward` asks for costs or for the environment's own rewards;
+`goal` says which end the goal is. Where the
 environment has a table of its transitions (FrozenLake, Taxi, CliffWalking), it is read, learned in the compiled loop and solved
 exactly; else it is simulated by gymnasium itself, step by step, in Python.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
-from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, with_values
+from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, paid_range, with_values
 from qinit_cli.environments.gym_making import KeywordArguments, made
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
@@ -25,6 +28,7 @@ from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
+from qinit_cli.rewards import NativeReward, Payment, ReturnBounds, check_discount, in_label
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
+ROUNDING = 1e-9  # of returns that are added up, as a share of their bounds
 PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
 
 
@@ -82,6 +87,17 @@ class Gym(TableFamily):
         default_text="the ends that pay best, if there is a table; else it must be given",
     )
 
+    reward: NativeReward = option(
+        "goal",
+        "Reward: 1 on reaching the goal; step: -1 each step until the goal is reached; or native: the environment's own.",
+    )
+    returns: str | None = option(
+        None,
+        "The least and the largest discounted return with --reward native; needed where there is no table.",
+        metavar="LOW:HIGH",
+        default_text="from the rewards of the environment's table",
+    )
+
     name: ClassVar[str] = "gym"
     algorithm: ClassVar[int] = 2  # 1 left wrappers out, and learned that an episode cut off is an end worth 0
     learned_anew: ClassVar[str] = (
@@ -109,6 +125,13 @@ class Gym(TableFamily):
             object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given or ()))
         if not self.env_id:
             raise ValueError("an environment's id is missing, such as FrozenLake-v1")
+        if self.returns is not None:
+            if self.reward != "native":
+                raise ValueError(
+                    f"--returns is given with --reward {self.reward}, whose returns are known; "
+                    "leave it out or give --reward native"
+                )
+            _bounds(self.returns)
         names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"{twice[0]} is varied or set twice")
@@ -130,7 +153,9 @@ class Gym(TableFamily):
         ]
         parts += [f"bins-{self.bins}"] if self.bins else []
         parts += [f"goal-{self.goal}"] if self.goal else []
-        return re.sub(r"[^A-Za-z0-9._]+", "-", "-".join([self.name, *parts])).rstrip("-")
+        parts += [f"returns-{self.returns}"] if self.returns else []
+        told = "-".join([self.name, *parts]) + in_label(self.reward)
+        return re.sub(r"[^A-Za-z0-9._]+", "-", told).rstrip("-")
 
     @property
     def warning(self) -> str:
@@ -141,7 +166,11 @@ class Gym(TableFamily):
         if not self._variations:
             told.append("without --vary all tasks are the same: there is no distribution to transfer from")
         idle_ones = idle(
-            self.env_id, self._settings, self._variations, (self.goal or "") if self.tabular else None
+            self.env_id,
+            self._settings,
+            self._variations,
+            (self.goal or "") if self.tabular else None,
+            self._native,
         )
         if idle_ones:
             seen = "their tables are equal" if self.tabular else f"{PLAYED} steps are the same whatever it is"
@@ -153,7 +182,16 @@ class Gym(TableFamily):
     @property
     def beyond(self) -> list[str]:
         """A warning where the environment observed what lies beyond the bounds that it names; none if it did not."""
-        return [
+        returns = self._seen.outside[self.returns or ""]
+        told = (
+            [
+                f"{counted(returns, 'episode')} of {self.env_id} had a return outside --returns {self.returns}; "
+                "give wider bounds"
+            ]
+            if returns
+            else []
+        )
+        return told + [
             f"{self.env_id} observed values beyond its own bounds in dimension {dimension} ({counted(count, 'time')}); "
             f"they count in the last bin: give --range {dimension}=LOW:HIGH"
             for dimension, count in sorted(self._seen.beyond.items())
@@ -240,7 +278,7 @@ class Gym(TableFamily):
         return tuple(each.draw(rng) for each in self._variations)
 
     def tables(self, tasks: Tasks) -> Tables:
-        """Where the steps of each task lead."""
+        """Where the steps of each task lead; their rewards with `native` alone."""
         import numpy as np
 
         from qinit_cli.kernels.tables import Tables
@@ -255,9 +293,31 @@ class Gym(TableFamily):
         for place, one in enumerate(each):
             after[place, :, :, : one.after.shape[2]] = one.after
             probability[place, :, :, : one.after.shape[2]] = one.probability
+        reward = np.zeros(shape) if self._native else None
+        for place, one in enumerate(each):
+            if reward is not None and one.reward is not None:
+                reward[place, :, :, : one.reward.shape[2]] = one.reward
+        if reward is not None and self.returns is None:
+            self._check_paid(after, probability, reward)
         states = (len(each), shape[1])
         start = np.array([one.start for one in each]).reshape(states)
-        return Tables(after, probability, start, np.array([one.open for one in each], bool).reshape(states))
+        open = np.array([one.open for one in each], bool).reshape(states)
+        return Tables(after, probability, start, open, reward)
+
+    def payment(self, gamma: float) -> Payment | None:
+        """What steps pay; of `native` the bounds are those of --returns or of the table. ValueError where there are none."""
+        if not self._native:
+            return super().payment(gamma)
+        check_discount(gamma)
+        if self.returns is not None:
+            return Payment(_bounds(self.returns), None, 0.0)
+        if not self.tabular:
+            raise ValueError(
+                f"--reward native of {self.env_id} has no table to take the bounds of returns from; "
+                "give --returns LOW:HIGH"
+            )
+        paid = paid_range(self.env_id, self._settings, self._variations, self.goal or "")
+        return Payment(paid.bounds(gamma), None, 0.0)
 
     def starts(self) -> Floats:
         """How often an episode of the environment as it is starts in each state, (S,)."""
@@ -293,7 +353,14 @@ class Gym(TableFamily):
         if self.tabular:
             return super().worlds(tasks, own)
         episodes = OneAtATime(lambda place, horizon: self._episodes(tasks[place], horizon))
-        return PythonWorlds(episodes, self._seen.states, self._seen.actions, seeds(own), around=episodes)
+        return PythonWorlds(
+            episodes,
+            self._seen.states,
+            self._seen.actions,
+            seeds(own),
+            around=episodes,
+            returned=self._returned if self._native else None,
+        )
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """Expected optimal path lengths, (B, S, A), -1 where a path never arrives.
@@ -401,7 +468,7 @@ class Gym(TableFamily):
 
     def _table(self, task: Any) -> TransitionTable:
         settings = self._of(task)
-        one = table(self.env_id, settings, self.goal or "")
+        one = table(self.env_id, settings, self.goal or "", self._native)
         shortest_cut(self.env_id, settings)  # refuses what no seed brings back
         if one.after.shape[:2] != (self._seen.states, self._seen.actions):
             raise NotAllowed(
@@ -414,7 +481,7 @@ class Gym(TableFamily):
         settings = self._of(task)
         shortest_cut(self.env_id, settings)  # refuses what no seed brings back
         env = made(self.env_id, settings)
-        return Episodes(self.env_id, env, self._seen.state, self.goal or "", horizon)
+        return Episodes(self.env_id, env, self._seen.state, self.goal or "", horizon, self._native)
 
     def _probe(
         self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
@@ -441,12 +508,47 @@ class Gym(TableFamily):
 
         one = table(self.env_id, self._example, self.goal or "")
         q = np.empty((1, *one.after.shape[:2]))
-        settings = self.source_learning.gamma, EXACT_TOLERANCE
+        settings = None, self.source_learning.gamma, EXACT_TOLERANCE  # by the goal, whatever is paid
         tables_exact.solve(
             one.after[None], one.probability[None], one.open[None], *settings, q, np.empty_like(q)
         )
         return one, q[0].max(axis=1)
 
     @property
+    def _native(self) -> bool:
+        return self.reward == "native"
+
+    def _check_paid(self, after: NDArray[np.int32], probability: Floats, reward: Floats) -> None:
+        """NotAllowed where a task's rewards are not within those of the examples, from which the bounds of returns are."""
+        paid = paid_range(self.env_id, self._settings, self._variations, self.goal or "")
+        for (low, high), there in ((paid.going_on, after >= 0), (paid.ending, after < 0)):
+            beyond = (probability > 0) & there & ~((reward >= low) & (reward <= high))
+            if beyond.any():
+                raise NotAllowed(
+                    f"a task of {self.env_id} pays {reward[beyond][0]:g}, beyond the rewards {low:g} to {high:g} of a few "
+                    "drawn tasks, from which the bounds of returns are taken; give --returns LOW:HIGH"
+                )
+
+    def _returned(self, value: float) -> None:
+        """Counts an episode whose return is outside --returns: the episode is as it is, so it is reported and not refused."""
+        if self.returns is not None:
+            bounds = _bounds(self.returns)
+            slack = ROUNDING * bounds.width
+            if not bounds.low - slack <= value <= bounds.high + slack:
+                self._seen.outside[self.returns] += 1
+
+    @property
     def _seen(self) -> Seen:
         return seen(self.env_id, self._example, self.bins or "", self._texts("range"))
+
+
+@lru_cache(64)
+def _bounds(returns: str) -> ReturnBounds:
+    """The bounds that --returns gives; ValueError where they are none."""
+    try:
+        low, high = map(float, returns.split(":"))
+    except ValueError:
+        low, high = math.nan, math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and low <= 0 <= high and low < high):
+        raise ValueError(f"--returns is {returns}; it must be LOW:HIGH with 0 within them, such as -200:0")
+    return ReturnBounds(low, high)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,10 +23,20 @@ KEPT = 65_536  # tasks of which it is remembered that they can be played again
 class Episodes:
     """One task, simulated by gymnasium; every episode is reset with a seed of its own. NotAllowed where the environment fails."""
 
-    def __init__(self, env_id: str, env: Any, seen: Callable[[Any], int], goal: str, horizon: int) -> None:
+    def __init__(
+        self,
+        env_id: str,
+        env: Any,
+        seen: Callable[[Any], int],
+        goal: str,
+        horizon: int,
+        native: bool = False,
+    ) -> None:
         self._id, self._env, self._seen, self._horizon = env_id, env, seen, horizon
         self._reached, self._survival = verdict(goal), goal == SURVIVED
         self._time = 0
+        self.paid = 0.0  # the last step's reward, where `native`
+        self._native = native
 
     def start(self, seed: int) -> int:
         """The table's state in which an episode of this seed begins."""
@@ -39,6 +50,8 @@ class Episodes:
         try:
             observation, reward, terminated, truncated, _ = self._env.step(action)
             self._time += 1
+            if self._native:
+                self.paid = _finite(reward)
             if terminated:
                 return GOAL if self._reached(reward) else LOST
             if self._survival and self._time == self._horizon:
@@ -99,6 +112,17 @@ def reset_state(env_id: str, env: Any, seed: int, seen: Callable[[Any], int]) ->
         return seen(observation)
     except BaseException as error:
         raise fault(env_id, f"reset(seed={seed})", error) from error
+
+
+def _finite(reward: Any) -> float:
+    """The reward as a number; Improper where it is none, or is not finite."""
+    try:
+        number = float(reward)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise Improper(f"the environment gave the reward {reward!r:.80}, which is no finite number")
+    return number
 
 
 def numbered(observation: Any, first: int, states: int) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 from qinit_cli.environments.foreign import fault
@@ -12,6 +12,7 @@ from qinit_cli.environments.gym_making import KeywordArguments, opened
 from qinit_cli.environments.gym_tables import End, TransitionTable, table
 from qinit_cli.environments.variation import Variation
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.rewards import PaidRange
 
 DRAWN = 4  # tasks, with seeds 0 to 3; the first is the example
 # steps in which the first must agree with its table, and each of the others: about a tenth of a second in all
@@ -64,12 +65,36 @@ def ends(
 
 
 @lru_cache(64)
+def paid_range(
+    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str
+) -> PaidRange:
+    """The least and the largest reward in the tables of these tasks; NotAllowed where the example's is faulty."""
+    import numpy as np
+
+    first, *others = examples(settings, variations)
+    tables = [table(env_id, first, goal, True)]
+    for other in others:
+        tables += _if_sound(lambda one: table(env_id, one, goal, True), other)
+    going_on, ending = [0.0], [0.0]
+    for there in tables:
+        possible = (there.probability > 0) & there.open[:, None, None]
+        rewards = np.zeros_like(there.probability) if there.reward is None else there.reward
+        going_on += rewards[possible & (there.after >= 0)].tolist()
+        ending += rewards[possible & (there.after < 0)].tolist()
+    return PaidRange((min(going_on), max(going_on)), (min(ending), max(ending)))
+
+
+@lru_cache(64)
 def idle(
-    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str | None
+    env_id: str,
+    settings: KeywordArguments,
+    variations: tuple[Variation, ...],
+    goal: str | None,
+    native: bool = False,
 ) -> tuple[str, ...]:
     """Names of what is varied and seems to change nothing, by the tables, or by played steps if `goal` is None."""
     first, *_ = examples(settings, variations)
-    alike = _played if goal is None else _bits
+    alike = _played if goal is None else partial(_bits, native=native)
     found = []
     for each in variations:
         others = [
@@ -96,12 +121,12 @@ def _table_of(env_id: str, goal: str) -> Callable[[KeywordArguments], Transition
     return lambda settings: table(env_id, settings, goal)
 
 
-def _bits(env_id: str, settings: KeywordArguments, goal: str) -> Any:
+def _bits(env_id: str, settings: KeywordArguments, goal: str, *, native: bool) -> Any:
     """The table, in a form that can be compared."""
-    there = table(env_id, settings, goal)
-    return there.after.shape, *(
-        each.tobytes() for each in (there.after, there.probability, there.start, there.open)
-    )
+    there = table(env_id, settings, goal, native)
+    parts: list[Any] = [there.after, there.probability, there.start, there.open]
+    parts += [] if there.reward is None else [there.reward]
+    return there.after.shape, *(each.tobytes() for each in parts)
 
 
 def _played(env_id: str, settings: KeywordArguments, goal: str) -> Any:

@@ -39,6 +39,7 @@ class TransitionTable:
     open: Flags  # (S,)
     goals: frozenset[End]  # ends that are the goal ...
     lost: frozenset[End]  # ... and those that are not
+    reward: Floats | None = None  # (S, A, O) the environment's own, where outcomes are kept apart by it
 
 
 def verdict(goal: str) -> Callable[[Any], bool]:
@@ -67,8 +68,8 @@ def verdict(goal: str) -> Callable[[Any], bool]:
 
 
 @lru_cache(KEPT)
-def table(env_id: str, settings: KeywordArguments, goal: str) -> TransitionTable:
-    """The task's table; NotAllowed where it is faulty, or no end of it is the goal."""
+def table(env_id: str, settings: KeywordArguments, goal: str, native: bool = False) -> TransitionTable:
+    """The task's table, with its rewards if `native`; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
     from qinit_cli.kernels.worlds import GOAL, LOST
@@ -82,22 +83,31 @@ def table(env_id: str, settings: KeywordArguments, goal: str) -> TransitionTable
     if not any(map(reached, rewards)):
         told = f"its episodes end with {named('reward', sorted(rewards))}" if ends else "it never ends"
         raise NotAllowed(f"no end of {env_id} is the goal{f' by --goal {goal}' if goal else ''}: {told}")
-    merged: list[dict[int, float]] = []
+    merged: list[dict[End, float]] = []  # by the reward, 0 unless native, and where they lead
     for ways in (ways for actions in there.ways for ways in actions):
-        outcomes: dict[int, float] = {}
+        outcomes: dict[End, float] = {}
         for odds, after_it, reward, done in ways:
             end = (GOAL if reached(reward) else LOST) if done else after_it
-            outcomes[end] = outcomes.get(end, 0.0) + odds
+            kept = (reward if native else 0.0, end)
+            outcomes[kept] = outcomes.get(kept, 0.0) + odds
         merged.append(outcomes)
     most = max(map(len, merged))
     after, probability = np.full((len(merged), most), LOST, np.int32), np.zeros((len(merged), most))
+    rewards_of = np.zeros_like(probability)
     for place, outcomes in enumerate(merged):
-        after[place, : len(outcomes)] = list(outcomes)
+        after[place, : len(outcomes)] = [end for _, end in outcomes]
+        rewards_of[place, : len(outcomes)] = [reward for reward, _ in outcomes]
         probability[place, : len(outcomes)] = np.array(list(outcomes.values())) / sum(outcomes.values())
     shape = (len(there.ways), len(there.ways[0]), most)
     goals = frozenset(end for end in ends if reached(end[0]))
     return TransitionTable(
-        after.reshape(shape), probability.reshape(shape), there.start, open, goals, frozenset(ends) - goals
+        after.reshape(shape),
+        probability.reshape(shape),
+        there.start,
+        open,
+        goals,
+        frozenset(ends) - goals,
+        rewards_of.reshape(shape) if native else None,
     )
 
 

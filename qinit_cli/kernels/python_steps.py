@@ -49,6 +49,20 @@ class PythonWorld(NamedTuple):
     step: int  # the address of a function of task and action
 
 
+class PaidSimulator(Simulator, Protocol):
+    """One task, simulated in Python, that tells its rewards."""
+
+    paid: float  # the last step's
+
+
+class PaidPythonWorld(NamedTuple):
+    """As PythonWorld, with rewards."""
+
+    start: int
+    step: int
+    paid: Any  # f8 (L,) the last step's reward, which the step writes
+
+
 @dataclass
 class PythonWorlds:
     """Tasks to learn, B of them, that are simulated in Python."""
@@ -60,6 +74,9 @@ class PythonWorlds:
     around: AbstractContextManager[Any] = field(
         default_factory=nullcontext
     )  # entered while tasks are learned
+    returned: Callable[[float], Any] | None = (
+        None  # takes the discounted return of each episode; None: no rewards are told
+    )
     _there: dict[int, Simulator] = field(default_factory=dict)
     _failed: list[BaseException] = field(default_factory=list)
 
@@ -81,10 +98,16 @@ class PythonWorlds:
         """As they are: what takes long is not known."""
         return np.arange(len(self))
 
-    def loop(self, learning: Learning, lanes: int) -> tuple[Function, PythonWorld]:
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, PythonWorld | PaidPythonWorld]:
         """The loop, which raises what a simulator has raised, and the world that it takes."""
 
+        paid, told = np.zeros(lanes), self.returned
+        episode = [0.0, 1.0]  # its return so far, and the discount of the coming reward
+
         def start(task: int, seed: int) -> int:
+            if told is not None:
+                told(episode[0])
+                episode[:] = 0.0, 1.0
             if task not in self._there:
                 self._there.clear()  # the task before it is done
                 self._there[task] = self.simulators(task, learning.horizon)
@@ -93,10 +116,21 @@ class PythonWorlds:
         def step(task: int, action: int) -> int:
             return self._there[task].step(action)
 
-        callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(step, LOST))
+        def paid_step(task: int, action: int) -> int:
+            simulator: Any = self._there[task]
+            code: int = simulator.step(action)
+            paid[:] = simulator.paid  # read before any other step
+            episode[0] += episode[1] * simulator.paid
+            episode[1] *= learning.gamma
+            return code
+
+        stepping = step if told is None else paid_step
+        callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(stepping, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
 
-        advance = compiled_loop(PythonWorld, learning)
+        begin, move = addresses
+        world = PythonWorld(begin, move) if told is None else PaidPythonWorld(begin, move, paid)
+        advance = compiled_loop(type(world), learning)
 
         def raising(blocks: int, *arguments: Any) -> None:
             advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
@@ -104,7 +138,7 @@ class PythonWorlds:
             if self._failed:
                 raise self._failed[0]
 
-        return raising, PythonWorld(*addresses)
+        return raising, world
 
     def _safe(self, function: Callable[[int, int], int], instead: int) -> Callable[[int, int], int]:
         """The function; once it raised, the exception is kept, and the rest of the block is nobody's."""
@@ -132,11 +166,16 @@ def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
     return types.int64(types.int64, types.int64, types.int64), generate
 
 
-@starts(PythonWorld)
+@starts(PythonWorld, PaidPythonWorld)
 def _start(world, task, lane, rng, anywhere):
     return _call(world.start, np.int64(task), np.int64(draw(rng) >> THIRTY_TWO))
 
 
 @steps(PythonWorld, cuts=True)
 def _step(world, task, lane, state, action, uniform, rng):
+    return _call(world.step, np.int64(task), np.int64(action))
+
+
+@steps(PaidPythonWorld, cuts=True)
+def _paid_step(world, task, lane, state, action, uniform, rng):
     return _call(world.step, np.int64(task), np.int64(action))

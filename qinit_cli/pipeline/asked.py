@@ -140,6 +140,11 @@ class LearningTargets:
     def family(self, sources: Family) -> Family:
         """The sources' family with the shifts made; UsageError, one sentence, where they cannot be."""
         changes = dict(_change(sources, text) for text in self.shift or [])
+        if fixed := [name for name in ("reward", "returns") if name in changes]:
+            raise UsageError(
+                f"--shift {fixed[0]}: what sources learned is in the units of their own rewards; "
+                f"leave it out, or learn sources with another --{fixed[0]}"
+            )
         try:
             return sources.shifted(changes) if changes else sources
         except ValueError as error:
