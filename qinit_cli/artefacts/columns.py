@@ -44,7 +44,6 @@ RETURNS = {
     "max",
     "value_mean",
     "library_q",
-    "return",
     "v_star",
     "v_eps",
     "eval_return",

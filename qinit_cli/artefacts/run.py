@@ -270,12 +270,9 @@ def run_schema(
         *parameters,
         *kept(),
     ]
-    if told_returns:
-        columns.append(
-            Column(
-                "return", (TASK, "episode"), "f8", long_name="discounted return of the episode", low=0, high=1
-            )
-        )
+    if told_returns:  # an episode may leave bounds that are only told
+        told = Column("return", (TASK, "episode"), "f8", long_name="discounted return of the episode")
+        columns.append(told)
     if exact_values:
         columns += [
             Column("v_star", (TASK,), "f8", long_name="optimal value of the start", low=0, high=1 + ROUNDING),
@@ -296,8 +293,8 @@ def run_schema(
                 (TASK, "evaluation"),
                 "f8",
                 long_name="discounted return of the greedy policy",
-                low=0,
-                high=1,
+                low=None if told_returns else 0,
+                high=None if told_returns else 1,
             ),
             Column(
                 "eval_reached",

@@ -17,7 +17,6 @@ from qinit_cli.pipeline.sources import (
     Rows,
     by_learner,
     check_learned,
-    check_returns,
     in_names,
     sequences,
     shaped,
@@ -201,7 +200,6 @@ def learn_targets(
         **{name: tasks[name][kept] for name in tasks.dtype.names or ()},
     }
     if learned.returns is not None:
-        check_returns(family, learning.gamma, learned.returns[kept])
         rows["return"] = learned.returns[kept]
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
