@@ -1,9 +1,8 @@
 """Any Gymnasium environment whose observations are numbered, or can be put into bins, and whose actions are numbered.
 
 A task is worth 1 on reaching the goal, as in every family, unless `reward` asks for costs or for the environment's own rewards;
-`goal` says which end the goal is. Where the
-environment has a table of its transitions (FrozenLake, Taxi, CliffWalking), it is read, learned in the compiled loop and solved
-exactly; else it is simulated by gymnasium itself, step by step, in Python.
+`goal` says which end the goal is. Where the environment has a table of its transitions (FrozenLake, Taxi, CliffWalking), it is
+read, learned in the compiled loop and solved exactly; else it is simulated by gymnasium itself, step by step, in Python.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ class Gym(TableFamily):
 
     reward: NativeReward = option(
         "goal",
-        "Reward: 1 on reaching the goal; step: -1 each step until the goal is reached; or native: the environment's own.",
+        "Reward: goal, 1 on reaching the goal; step, -1 a step until the goal is reached; native, the environment's own.",
     )
     returns: str | None = option(
         None,
@@ -297,8 +296,6 @@ class Gym(TableFamily):
         for place, one in enumerate(each):
             if reward is not None and one.reward is not None:
                 reward[place, :, :, : one.reward.shape[2]] = one.reward
-        if reward is not None and self.returns is None:
-            self._check_paid(after, probability, reward)
         states = (len(each), shape[1])
         start = np.array([one.start for one in each]).reshape(states)
         open = np.array([one.open for one in each], bool).reshape(states)
@@ -517,17 +514,6 @@ class Gym(TableFamily):
     @property
     def _native(self) -> bool:
         return self.reward == "native"
-
-    def _check_paid(self, after: NDArray[np.int32], probability: Floats, reward: Floats) -> None:
-        """NotAllowed where a task's rewards are not within those of the examples, from which the bounds of returns are."""
-        paid = paid_range(self.env_id, self._settings, self._variations, self.goal or "")
-        for (low, high), there in ((paid.going_on, after >= 0), (paid.ending, after < 0)):
-            beyond = (probability > 0) & there & ~((reward >= low) & (reward <= high))
-            if beyond.any():
-                raise NotAllowed(
-                    f"a task of {self.env_id} pays {reward[beyond][0]:g}, beyond the rewards {low:g} to {high:g} of a few "
-                    "drawn tasks, from which the bounds of returns are taken; give --returns LOW:HIGH"
-                )
 
     def _returned(self, value: float) -> None:
         """Counts an episode whose return is outside --returns: the episode is as it is, so it is reported and not refused."""

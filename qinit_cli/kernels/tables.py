@@ -61,24 +61,13 @@ class Tables:
         return SteppedWorlds(world, states, actions, rng)
 
     def gains(self, bounds: ReturnBounds, gamma: float) -> Floats:
-        """The rewards (B, S, A, O) as the shares that they add, 0 to 1; NotAllowed where a return is not within the bounds."""
+        """What the rewards (B, S, A, O) add to shares of the attainable return; NotAllowed without rewards."""
         if self.reward is None:
             raise NotAllowed("the tables have no rewards")
-        ends = self.after < 0
-        gains: Floats = (self.reward - bounds.low * np.where(ends, 1.0, 1.0 - gamma)) / bounds.width
-        most = np.where(ends, 1.0, 1.0 - gamma)
-        beyond = (
-            (self.probability > 0)
-            & self.open[..., None, None]
-            & ~((gains >= -ROUNDING) & (gains <= most + ROUNDING))
-        )
-        if beyond.any():
-            place = _first(beyond)
-            raise NotAllowed(
-                f"{_told(place)} pays {self.reward[place]:g}, with which returns leave the bounds "
-                f"{bounds.low:g} to {bounds.high:g}"
-            )
-        return np.clip(gains, 0.0, 1.0)
+        # low + width x = r + gamma (low + width x'), and r alone at an end
+        kept = np.where(self.after < 0, 1.0, 1.0 - gamma)
+        gains: Floats = (self.reward - bounds.low * kept) / bounds.width
+        return gains
 
 
 class TableWorld(NamedTuple):

@@ -1,9 +1,9 @@
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="assignment"
 """Exact tables of tasks that are given by their transitions: value iteration, the value of exploring on it, and paths.
 
-Entering the goal is worth 1, being lost 0, any other state gamma * V. Where steps have gains f8 (B, S, A, O), from 0 to 1, these
-are added, and the goal is worth 0. Arrays as in kernels.tables: after i4 (B, S, A, O) with GOAL and LOST, probability f8
-(B, S, A, O), open b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
+Entering the goal is worth 1, being lost 0, any other state gamma * V. Where steps have gains f8 (B, S, A, O), these are added,
+and the goal is worth 0. Arrays as in kernels.tables: after i4 (B, S, A, O) with GOAL and LOST, probability f8 (B, S, A, O), open
+b1 (B, S): the rows of states that are not open are 0, as nobody acts there.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from qinit_cli.kernels.compiled import compiled, inlined
 from qinit_cli.kernels.worlds import GOAL
 
 ROUNDING = 2.0**-52  # V is at most 1: changes below this are rounding, whatever tolerance was asked
+CANCELLED = 16 * ROUNDING
 RELATIVE = 1e-10  # change in a sweep, of every state's own value: logarithms of small values are fitted
 NEVER = -1
 
@@ -44,6 +45,14 @@ def _limit(tolerance, gamma):
     return max(tolerance * (1.0 - gamma) / gamma, ROUNDING)
 
 
+@inlined
+def _allowed(tolerance, gamma, value, gains):
+    """The largest change of a state's value at which it is settled."""
+    if gains is None:
+        return min(_limit(tolerance, gamma), RELATIVE * value)
+    return max(_limit(tolerance, gamma), CANCELLED)  # a small sum keeps the rounding of gains of either sign
+
+
 @compiled
 def solve(after, probability, open, gains, gamma, tolerance, q, td_var):
     """Writes Q* into `q` and the variance of a step's target under it into `td_var`, both (B, S, A).
@@ -60,12 +69,12 @@ def solve(after, probability, open, gains, gamma, tolerance, q, td_var):
             for place in range(states):
                 state = place if upwards else states - 1 - place
                 if open[task, state]:
-                    best = 0.0
+                    best = 0.0 if gains is None else -np.inf
                     for action in range(actions):
                         pair = (task, state, action)
                         best = max(best, _value(entering, after, probability, gains, pair))
                     value = gamma * best
-                    allowed = min(_limit(tolerance, gamma), RELATIVE * value)
+                    allowed = _allowed(tolerance, gamma, value, gains)
                     settled &= abs(value - entering[state]) <= allowed
                     entering[state] = value
         for state in range(states):

@@ -93,6 +93,7 @@ def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tupl
     rows = _exact(sources, tasks) if sources.learner == "exact" else learned(sources, tasks, indices, watch)
     finished = rows.pop("finished")
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
+    check_returns(sources.family, sources.learning.gamma, kept["q"])
     eopl = sources.family.path_lengths(tasks, kept["q"], sources.learning.horizon)
     kept["eopl"] = eopl
     kept["solved"] = sources.family.solved(tasks, kept["q"], sources.learning.horizon)
@@ -148,8 +149,6 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
         watch,
         payment=family.payment(gamma),
     )
-    if tells_returns(family, gamma):
-        check_returns(family, gamma, batch.q[batch.finished])
     episodes = bin_sizes(sources.learning.episodes, sources.bins)
     return {
         "q": batch.q,
@@ -170,14 +169,16 @@ def tells_returns(family: Family, gamma: float) -> bool:
 
 
 def check_returns(family: Family, gamma: float, returns: Floats) -> None:
-    """NotAllowed where returns leave the bounds that the family gives: shares of the attainable return would have no meaning."""
+    """NotAllowed where values leave the bounds of rewards that the world tells: their shares would have no meaning."""
+    if not tells_returns(family, gamma):
+        return
     bounds = bounds_of(family, gamma)
     slack = ROUNDING * bounds.width
     beyond = returns[~((returns >= bounds.low - slack) & (returns <= bounds.high + slack))]
     if beyond.size:
         raise NotAllowed(
-            f"{family.label} has the return {beyond[0]:g}, beyond the bounds {bounds.low:g} to {bounds.high:g}; give "
-            "--returns LOW:HIGH"
+            f"a task of {family.label} has the value {beyond[0]:g}, and returns are from {bounds.low:g} to {bounds.high:g}; "
+            f"give wider bounds"
         )
 
 

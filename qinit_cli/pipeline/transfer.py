@@ -17,6 +17,7 @@ from qinit_cli.pipeline.sources import (
     Rows,
     by_learner,
     check_learned,
+    check_returns,
     in_names,
     sequences,
     shaped,
@@ -203,6 +204,7 @@ def learn_targets(
         rows["return"] = learned.returns[kept]
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
+        check_returns(family, learning.gamma, exact)
         rows["v_star"] = family.start_value(exact)
         if isinstance(learning.explore, EpsilonGreedy):
             rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)

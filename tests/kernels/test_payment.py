@@ -16,6 +16,7 @@ from test_learners import ALL, EVERY, GRIDS, TABLES, USUAL, plainly_learned, str
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.batch import Learned, Policies, Start, learn
 from qinit_cli.kernels.tables import Tables
+from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa
 from qinit_cli.learners.optimistic import RMax
 from qinit_cli.learners.traces import QLambda
@@ -164,13 +165,14 @@ def test_the_bounds_of_a_return_come_from_the_least_and_the_largest_rewards() ->
         payment("step", 1.0)
 
 
-def test_a_reward_with_which_returns_leave_their_bounds_is_refused_by_state_and_action() -> None:
-    rewards = np.zeros(test_loop.tables().after.shape)
-    rewards[1, 2, 3, 0] = 5.0
-    tables = replace(test_loop.tables(), reward=rewards)
-    place = "action 3 in state 2 of task 1 of the batch pays 5"
-    with pytest.raises(NotAllowed, match=f"{place}, with which returns leave the bounds -1 to 4"):
-        tables.gains(ReturnBounds(-1.0, 4.0), 0.95)
-    gains = tables.gains(ReturnBounds(-1.0, 100.0), 0.95)
-    assert gains.min() >= 0
-    assert gains.max() <= 1
+def test_a_gain_is_what_a_reward_adds_to_the_share_of_the_attainable_return() -> None:
+    after = np.array([[[[1, GOAL]], [[1, LOST]]]], np.int32)  # two states, an action, two outcomes
+    half, open = np.full(after.shape, 0.5), np.ones((1, 2), bool)
+    rewards = np.array([[[[-1.0, 5.0]], [[2.0, -3.0]]]])
+    tables = Tables(after, half, np.array([[1.0, 0.0]]), open, rewards)
+    # with gamma 0.5 and returns from -4 to 6 a step that goes on adds (r + 2) / 10, one that ends (r + 4) / 10
+    np.testing.assert_allclose(
+        tables.gains(ReturnBounds(-4.0, 6.0), 0.5), [[[[0.1, 0.9]], [[0.4, 0.1]]]], rtol=0, atol=1e-15
+    )
+    with pytest.raises(NotAllowed, match="the tables have no rewards"):
+        test_loop.tables().gains(ReturnBounds(-4.0, 6.0), 0.5)
