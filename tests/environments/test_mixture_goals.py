@@ -70,6 +70,7 @@ def test_a_task_is_solved_as_the_gridworlds_own() -> None:
 def test_the_means_are_at_one_and_two_thirds_unless_told_otherwise() -> None:
     assert asdict(MixtureGridworld()) | {"p_low": 0, "p_high": 0} == {
         "size": 30, "means": "10:10,20:20", "variances": "7", "weights": "1", "p_low": 0, "p_high": 0,
+            "reward": "goal",
     }  # fmt: skip
     assert MixtureGridworld(size=6).means == "2:2,4:4"
 
