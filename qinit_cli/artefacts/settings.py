@@ -63,7 +63,7 @@ OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
     "inputs": list,
 }
 OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
-LEFT_OUT = {"reward": "goal", "returns": None}  # not stored so, as before families had these options
+LEFT_OUT = ("reward", "returns")  # not stored at their defaults, as before families had these options
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
@@ -79,7 +79,8 @@ class StoredFamily:
     def of(cls, family: Family) -> Self:
         """The family, to be stored."""
         told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
-        kept = {key: told[key] for key in told if key not in LEFT_OUT or told[key] != LEFT_OUT[key]}
+        usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in LEFT_OUT}  # type: ignore[arg-type]  # as above
+        kept = {key: value for key, value in told.items() if key not in usual or value != usual[key]}
         return cls(family.name, kept, family)
 
     @classmethod

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
-ROUNDING = 1e-9  # of returns that are added up, as a share of their bounds
 PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
 
 
@@ -181,16 +180,7 @@ class Gym(TableFamily):
     @property
     def beyond(self) -> list[str]:
         """A warning where the environment observed what lies beyond the bounds that it names; none if it did not."""
-        returns = self._seen.outside[self.returns or ""]
-        told = (
-            [
-                f"{counted(returns, 'episode')} of {self.env_id} had a return outside --returns {self.returns}; "
-                "give wider bounds"
-            ]
-            if returns
-            else []
-        )
-        return told + [
+        return [
             f"{self.env_id} observed values beyond its own bounds in dimension {dimension} ({counted(count, 'time')}); "
             f"they count in the last bin: give --range {dimension}=LOW:HIGH"
             for dimension, count in sorted(self._seen.beyond.items())
@@ -356,7 +346,7 @@ class Gym(TableFamily):
             self._seen.actions,
             seeds(own),
             around=episodes,
-            returned=self._returned if self._native else None,
+            pays=self._native,
         )
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
@@ -514,14 +504,6 @@ class Gym(TableFamily):
     @property
     def _native(self) -> bool:
         return self.reward == "native"
-
-    def _returned(self, value: float) -> None:
-        """Counts an episode whose return is outside --returns: the episode is as it is, so it is reported and not refused."""
-        if self.returns is not None:
-            bounds = _bounds(self.returns)
-            slack = ROUNDING * bounds.width
-            if not bounds.low - slack <= value <= bounds.high + slack:
-                self._seen.outside[self.returns] += 1
 
     @property
     def _seen(self) -> Seen:

@@ -40,7 +40,6 @@ class Seen:
     beyond: Counter[int] = field(
         default_factory=Counter
     )  # observations beyond those, by dimension, so far in this process
-    outside: Counter[str] = field(default_factory=Counter)  # returns outside --returns, likewise
     limit: int = 0  # steps after which it cuts an episode off, as far as that is known; 0: never
 
     @property

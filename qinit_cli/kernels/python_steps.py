@@ -74,9 +74,7 @@ class PythonWorlds:
     around: AbstractContextManager[Any] = field(
         default_factory=nullcontext
     )  # entered while tasks are learned
-    returned: Callable[[float], Any] | None = (
-        None  # takes the discounted return of each episode; None: no rewards are told
-    )
+    pays: bool = False  # the simulators are PaidSimulators
     _there: dict[int, Simulator] = field(default_factory=dict)
     _failed: list[BaseException] = field(default_factory=list)
 
@@ -101,13 +99,9 @@ class PythonWorlds:
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, PythonWorld | PaidPythonWorld]:
         """The loop, which raises what a simulator has raised, and the world that it takes."""
 
-        paid, told = np.zeros(lanes), self.returned
-        episode = [0.0, 1.0]  # its return so far, and the discount of the coming reward
+        paid = np.zeros(lanes)
 
         def start(task: int, seed: int) -> int:
-            if told is not None:
-                told(episode[0])
-                episode[:] = 0.0, 1.0
             if task not in self._there:
                 self._there.clear()  # the task before it is done
                 self._there[task] = self.simulators(task, learning.horizon)
@@ -120,16 +114,14 @@ class PythonWorlds:
             simulator: Any = self._there[task]
             code: int = simulator.step(action)
             paid[:] = simulator.paid  # read before any other step
-            episode[0] += episode[1] * simulator.paid
-            episode[1] *= learning.gamma
             return code
 
-        stepping = step if told is None else paid_step
+        stepping = paid_step if self.pays else step
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(stepping, LOST))
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
 
         begin, move = addresses
-        world = PythonWorld(begin, move) if told is None else PaidPythonWorld(begin, move, paid)
+        world = PaidPythonWorld(begin, move, paid) if self.pays else PythonWorld(begin, move)
         advance = compiled_loop(type(world), learning)
 
         def raising(blocks: int, *arguments: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,11 +11,15 @@ import numpy as np
 import pytest
 from quantecon.markov import DiscreteDP
 
+import qinit_cli as qinit
+from qinit_cli.artefacts.long_tables import fields
+from qinit_cli.artefacts.long_tables import rows as rows_of
+from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.environments.bases import TableFamily
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_episodes import Episodes
-from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, learn
 from qinit_cli.kernels.random_streams import lane_seeds, seeds
 from qinit_cli.learning import Learning
@@ -132,13 +137,42 @@ def test_an_episode_of_a_pole_returns_a_discounted_one_for_each_step() -> None:
     assert found.returns is not None
     np.testing.assert_allclose(found.returns, (1 - GAMMA**found.steps) / (1 - GAMMA), rtol=1e-12)
     assert found.steps.max() == 25
-    assert not family.beyond
 
 
-def test_returns_outside_those_given_are_counted_in_a_warning() -> None:
+def test_values_beyond_the_bounds_given_are_refused() -> None:
     family = Gym(**{**vars(POLE), "reward": "native", "returns": "0:2"})
-    learned(family, Learning(alpha=0.1, gamma=GAMMA, epsilon=0.5, episodes=5, horizon=25, start="fixed"))
-    assert any("had a return outside --returns 0:2; give wider bounds" in told for told in family.beyond)
+    with pytest.raises(TasksFailed, match="failed"):
+        qinit.train_sources(family, tasks=1, episodes=20, horizon=25, gamma=GAMMA)
+
+
+def test_hands_are_dealt_learned_and_compared_by_what_they_pay(tmp_path: Path) -> None:
+    family = Gym(env_id="Cards-v0", reward="native")
+    fit = qinit.fit(qinit.train_sources(family, tasks=3, learner="exact", gamma=GAMMA))
+    best = by_quantecon("Cards-v0").max(axis=1)
+    np.testing.assert_allclose(fit.start("mean")[:3].max(axis=1), best[:3], rtol=0, atol=1e-9)
+    runs = [
+        qinit.transfer(
+            name, fit, tasks=4, episodes=60, epsilon=0.5, evaluate_every=30, output=tmp_path / f"{name}.h5"
+        )
+        for name in ("zero", "optimal")
+    ]
+    paid = np.array([-1.0, 0.0, 1.0, 1.5])
+    for run in runs:
+        ends = run["return"] / GAMMA ** (run["steps"] - 1.0)  # nothing is paid on the way
+        assert np.isclose(ends[..., None], paid, rtol=0, atol=1e-12).any(axis=2).all()
+        assert len(np.unique(np.round(ends, 9))) >= 3
+        np.testing.assert_array_equal(run.returns(), run["return"])
+        np.testing.assert_array_equal(run["reached"], np.isclose(ends, 1.5))  # the ends that pay best
+        np.testing.assert_allclose(run["v_star"], best[0], rtol=0, atol=1e-9)
+        assert (run["v_eps"] < run["v_star"]).all()
+        assert np.isin(np.round(run["eval_return"] / GAMMA ** (run["eval_steps"] - 1.0), 9), paid).all()
+    rows = {row["method"]: row["return"] for row in qinit.compare(runs).rows}
+    assert rows["optimal"] == pytest.approx(runs[1]["return"].mean(), abs=1e-12)
+    with open_artefact(tmp_path / "zero.h5", "run") as artefact:
+        names = [field.name for field in fields(artefact, "episodes")]
+        [table] = rows_of(artefact, "episodes")
+    assert names.count("return") == 1
+    np.testing.assert_array_equal(table["return"], runs[0]["return"].ravel())
 
 
 def test_a_cost_of_each_step_is_an_affine_image_of_the_goals_values() -> None:
