@@ -12,6 +12,7 @@ from learner_reference import EXPLORATIONS, LEARNERS, greedy_actions, picked
 
 from qinit_cli.kernels.batch import LaneStreams
 from qinit_cli.learning import Learning
+from qinit_cli.rewards import UNIT, ReturnBounds
 
 MASK = 2**64 - 1
 
@@ -223,7 +224,10 @@ class Choices:
 
 @dataclass
 class Weighed:
-    """Tables (K, S, A) weighed by TD errors; the whole start table follows the weights at once."""
+    """Tables (K, S, A) weighed by TD errors; the whole start table follows the weights at once.
+
+    Tables and errors are shares of the attainable return; what is learned is returns.
+    """
 
     tables: np.ndarray
     td_var: np.ndarray
@@ -236,6 +240,7 @@ class Weighed:
     threshold: float
     geometric: bool
     centred: bool
+    bounds: ReturnBounds = UNIT
 
     def __post_init__(self) -> None:
         self.log_weight = np.zeros(len(self.tables))
@@ -249,22 +254,23 @@ class Weighed:
         return weight / weight.sum()
 
     def mean(self) -> np.ndarray:
-        """Of the tables that know a pair, under the weights; 0 where none does."""
+        """Of the tables that know a pair, under the weights; the least return where none does."""
         weight = self.mixed[:, None, None] * (self.tables > 0)
         terms = np.log(np.where(self.tables > 0, self.tables, 1)) if self.geometric else self.tables
         whole = weight.sum(axis=0)
         mean = (weight * terms).sum(axis=0) / np.where(whole > 0, whole, 1)
-        return np.where(whole > 0, np.exp(mean) if self.geometric else mean, 0)
+        return self.bounds.returns(np.where(whole > 0, np.exp(mean) if self.geometric else mean, 0))
 
     def learn(self, q, left, state: int, action: int, reward: float, after: int | None) -> None:
         """Weighs a step; what is `left` of the start in each value of q follows it."""
         if self.frozen >= 0:
             return
-        entering = reward if after is None else self.gamma * self.tables[:, after].max(axis=1)
-        here = self.tables[:, state, action]
-        known = here > 0  # a table that does not know the pair says nothing
+        returns = self.bounds.returns(self.tables)
+        entering = reward if after is None else reward + self.gamma * returns[:, after].max(axis=1)
+        error = (entering - returns[:, state, action]) / self.bounds.width
+        known = self.tables[:, state, action] > 0  # a table that does not know the pair says nothing
         own = self.td_var[:, state, action]
-        squares = ((entering - here) ** 2 - self.centred * own) / (own + self.floor**2)
+        squares = (error**2 - self.centred * own) / (own + self.floor**2)
         least = -np.inf if self.centred else 0
         self.log_weight -= self.temperature * known * np.clip(squares - self.excess, least, self.cap)
         if np.abs(self.weight - self.mixed).sum() > self.threshold:

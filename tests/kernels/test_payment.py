@@ -10,11 +10,13 @@ import pytest
 import reference
 import test_learners
 import test_loop
+import test_posterior
 from learner_reference import flipped
-from test_learners import ALL, EVERY, GRIDS, TABLES, USUAL, plainly_learned, streams
+from test_learners import ALL, EPISODES, EVERY, GRIDS, TABLES, USUAL, plainly_learned, streams
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.batch import Learned, Policies, Start, learn
+from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa
@@ -129,6 +131,37 @@ def test_policies_are_credited_with_the_share_of_the_attainable_return() -> None
             coins=flipped(reference.xoshiro(given.learner[task])),
         )
         test_learners.assert_same(learned, task, outcome)
+
+
+@pytest.mark.parametrize(("centred", "geometric"), [(False, False), (True, True)])
+def test_hypotheses_are_weighed_by_the_errors_of_returns(centred: bool, geometric: bool) -> None:
+    family, random = TablesThatTell(), np.random.default_rng(4)
+    shares = random.random((5, family.states, family.actions)) * (random.random((5, family.states, 1)) < 0.9)
+    rules = {"temperature": 0.05, "floor": 0.05, "excess": 0.0, "cap": 5.0, "freeze": 20, "threshold": 0.05}
+    hypotheses = Hypotheses(
+        shares, np.full(shares.shape, 0.01), **rules, geometric=geometric, centred=centred, bounds=TOLD.bounds
+    )
+    table = TOLD.bounds.returns(np.nan_to_num(hypotheses.mean()))
+    given, start = streams(family.tasks), Start(table, hypotheses=hypotheses)
+    records = replace(ALL, moments=np.array([0, 5, EPISODES]))
+    learned = learn(family.worlds(), USUAL, start, given, records, Watch(), payment=TOLD)
+    assert learned.weighing is not None
+    for task in range(family.tasks):
+        weighed = test_posterior.weighed_by(hypotheses, USUAL)
+        outcome = reference.learn(
+            family.plain(task, True, reference.xoshiro(given.starts[task])),
+            USUAL,
+            table,
+            reference.in_lanes(given.rng[task]),
+            every=EVERY,
+            evaluation=reference.xoshiro(given.evaluation[task]),
+            weighed=weighed,
+        )
+        np.testing.assert_array_equal(learned.steps[task], outcome.steps)
+        np.testing.assert_allclose(learned.q[task], outcome.q, rtol=0, atol=1e-9)
+        told = np.array([weighed.history[min(at, len(weighed.history) - 1)] for at in (0, 5, EPISODES)])
+        np.testing.assert_allclose(learned.weighing.weights[task], told, rtol=0, atol=1e-9)
+        assert learned.weighing.moves[task] == weighed.moves > 2
 
 
 class Credited(reference.Choices):

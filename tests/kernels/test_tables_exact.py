@@ -36,7 +36,7 @@ def gridworlds() -> Tables:
 def solved(tables: Tables, gamma: float = GAMMA) -> tuple[np.ndarray, np.ndarray]:
     q = np.empty(tables.after.shape[:3])
     td_var = np.empty_like(q)
-    tables_exact.solve(tables.after, tables.probability, tables.open, gamma, TOLERANCE, q, td_var)
+    tables_exact.solve(tables.after, tables.probability, tables.open, None, gamma, TOLERANCE, q, td_var)
     return q, td_var
 
 
@@ -59,7 +59,7 @@ def test_exploring_is_worth_what_it_is_in_the_gridworld() -> None:
     tables, (exact, _) = gridworlds(), FAMILY.solve(TASKS, GAMMA)
     value = np.empty(exact.shape[:2])
     tables_exact.exploring_value(
-        tables.after, tables.probability, tables.open, GAMMA, 0.1, TOLERANCE, exact, value
+        tables.after, tables.probability, tables.open, None, GAMMA, 0.1, TOLERANCE, exact, value
     )
     learning = Learning(alpha=0.1, gamma=GAMMA, epsilon=0.1, episodes=1, horizon=1, start="fixed")
     np.testing.assert_allclose(value[:, 0], FAMILY.exploring_value(TASKS, exact, learning), rtol=1e-9)
