@@ -19,14 +19,13 @@ import shutil
 import sys
 import tempfile
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any
 
+from qinit_cli.kernels import private_numba
 from qinit_cli.kernels.trusted import Untrusted, check_own, resolved
 
 LEAN: dict[str, Any] = {"_nrt": False}
@@ -105,6 +104,10 @@ def compiling() -> bool:
     return bool(_under_way)
 
 
+def _ended() -> None:
+    _under_way.pop()
+
+
 def _tell(module: str) -> None:
     if _hearing:
         _hearing[-1](module)
@@ -150,7 +153,7 @@ def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path
     config: Any = numba.config
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(folder or "")
-    compiles = partial(numba.njit, nogil=True, error_model="numpy", **options)
+    compiles = partial(numba.njit, nogil=True, error_model="numpy", **private_numba.known(options))
     try:
         made = compiles(cache=folder is not None)(function)
     except RuntimeError:  # Numba found no folder that it can write: ours was filled or removed a moment ago
@@ -159,47 +162,14 @@ def _compile(function: Callable[..., Any], options: dict[str, Any], folder: Path
         config.CACHE_DIR = kept  # of other users of Numba in this process
     if folder is None:
         return made
-    if not Path(made._cache.cache_path).is_relative_to(folder):  # nor would it be trusted
+    if not private_numba.keeps(made):
+        _report(f"Numba {metadata.version('numba')} keeps machine code otherwise than is known here")
         return compiles()(function)
-    _keep_apart(made)
-    _keep_going(made, folder)
+    if not private_numba.cache_path(made).is_relative_to(folder):  # nor would it be trusted
+        return compiles()(function)
+    private_numba.keep_apart(made)
+    private_numba.keep_going(made, lambda: folder in _full, partial(_give_up, folder))
     return made
-
-
-def _keep_apart(made: Any) -> None:
-    """Gives all that is kept of a function a file name of its own.
-
-    Numba numbers these files by the index it reads before it writes. Two processes that compile the function for other types
-    at once, or one that is killed beside the files of an older index, then leave an index that leads to the code for other
-    types, and whoever comes next runs that.
-    """
-    file = made._cache._cache_file
-    stem = file._index_name.removesuffix(".nbi")
-    file._data_name = lambda number: f"{stem}.{uuid.uuid4().hex}.nbc"
-
-
-def _keep_going(made: Any, folder: Path) -> None:
-    """Lets the function run where its machine code cannot be saved or read: a full disk is no reason to learn nothing."""
-    kept = made._cache
-    load, save = kept.load_overload, kept.save_overload
-
-    def loaded(*asked: Any) -> Any:
-        try:
-            return load(*asked)
-        except (OSError, EOFError, UnpicklingError) as error:
-            # the last two: cut off by a full disk or a power cut
-            _give_up(folder, error)
-            return None
-
-    def saved(*given: Any) -> None:
-        if folder in _full:
-            return
-        try:
-            save(*given)
-        except (OSError, EOFError, UnpicklingError) as error:  # it reads the index first
-            _give_up(folder, error)
-
-    kept.load_overload, kept.save_overload = loaded, saved
 
 
 _full: set[Path] = set()  # folders that took nothing more in this process
@@ -213,34 +183,17 @@ def _give_up(folder: Path, error: Exception) -> None:
 
 @cache
 def _numba() -> Any:
-    """Numba, with all that it else loads at its first compiled call.
-
-    While it does, it imports scipy.linalg, 0.2 s, only to learn whether there is a BLAS for np.cov. There is: whatever needs
-    it imports it when it is compiled.
-    """
+    """Numba, with all that it else loads at its first compiled call."""
     import numba
-    from numba.core import event
-    from numba.core.registry import cpu_target
-    from numba.np import linalg
 
-    asks = linalg.ensure_blas
-    linalg.ensure_blas = lambda: None
-    try:
-        cpu_target.target_context.refresh()
-    finally:
-        linalg.ensure_blas = asks
+    with private_numba.without_blas():
+        private_numba.load_target()
 
-    class Compiling(event.Listener):
-        def on_start(self, event: Any) -> None:
-            module = event.data["dispatcher"].py_func.__module__
-            _under_way.append(module)
-            _tell(module)
+    def starts(module: str) -> None:
+        _under_way.append(module)
+        _tell(module)
 
-        def on_end(self, event: Any) -> None:
-            _under_way.pop()
-
-    events: Any = event  # has no types
-    events.register("numba:compile", Compiling())
+    private_numba.listen(starts, _ended)
     return numba
 
 

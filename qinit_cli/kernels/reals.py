@@ -15,9 +15,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import extending, types
-from numba.core.cgutils import get_or_insert_function
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, overload, register_model
+from numba.extending import lower_builtin, models, overload, register_model, type_callable
 
 intrinsic: Any = extending.intrinsic  # it is called with values, not with what its definition names
 
@@ -173,7 +171,7 @@ def _rounding(name: str) -> Any:
     def apply(typing: Any, number: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
-            return builder.call(get_or_insert_function(builder.module, kind, f"llvm.{name}.v8f64"), arguments)
+            return builder.call(builder.module.declare_intrinsic(f"llvm.{name}.v8f64", (), kind), arguments)
 
         return _reals(number), generate
 
@@ -187,8 +185,10 @@ def _define(
     function: Callable[..., Any], result: types.Type, kinds: list[Any], emit: Callable[..., Any]
 ) -> None:
     """Makes an operator known for eight numbers, or for eight and one that is then spread."""
-    cases = [signature(result, *pair) for pair in kinds]
-    infer_global(function)(type("Eight", (ConcreteTemplate,), {"key": function, "cases": cases}))
+
+    @type_callable(function)
+    def typed(context: Any) -> Any:
+        return lambda left, right: result if (left, right) in kinds else None
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return emit(builder, *(_eight(builder, each) for each in arguments))

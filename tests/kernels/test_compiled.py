@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from qinit_cli.kernels import compiled
+from qinit_cli.errors import NotAllowed
+from qinit_cli.kernels import compiled, private_numba
 
 
 @pytest.fixture
@@ -306,3 +307,24 @@ def test_machine_code_is_never_kept_in_a_folder_of_numbas_choice(
     folder.rmdir()
     folder.touch()  # as on a disk without room for a folder; Numba would go on to __pycache__
     assert compiled.compiled(halve).stats.cache_path is None
+
+
+@pytest.mark.usefixtures("afresh")
+def test_what_a_version_of_numba_lacks_is_done_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "halving.py").write_text("def halve(number):\n    return number / 2\n")
+    monkeypatch.setattr(private_numba, "_taken_options", lambda: frozenset({"_nrt"}))
+    monkeypatch.setattr(private_numba, "keeps", lambda made: False)
+    halve = compiled.inner(importlib.import_module("halving").halve)
+    assert not {"no_cpython_wrapper", "no_cfunc_wrapper"} & halve.targetoptions.keys()
+    assert "keeps machine code otherwise than is known here" in capsys.readouterr().err
+    assert not [path for path in (tmp_path / "cache").rglob("*") if path.suffix in (".nbi", ".nbc")]
+
+
+def test_a_version_of_numba_that_must_count_references_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(private_numba, "_taken_options", frozenset)
+    with pytest.raises(NotAllowed, match="has no option _nrt, without which kernels are not safe"):
+        compiled.lean(lambda number: number)
