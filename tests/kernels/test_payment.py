@@ -21,7 +21,6 @@ from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learners.one_step import DoubleQ, ExpectedSarsa, QLearner, Sarsa
 from qinit_cli.learners.optimistic import RMax
-from qinit_cli.learners.traces import QLambda
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import PaidRange, Payment, ReturnBounds, payment
 from qinit_cli.watch import Watch
@@ -90,7 +89,6 @@ CASES: list[tuple[Any, Payment | None, bool, dict[str, Any]]] = [
     (TablesThatTell(), TOLD, False, {"learner": Sarsa()}),
     (TablesThatTell(), TOLD, False, {"learner": DoubleQ()}),
     (TablesThatTell(), TOLD, False, {"learner": RMax(2), "epsilon": 0.2}),
-    (TablesThatTell(), TOLD, False, {"learner": QLambda(0.8)}),
     (TablesByStep(), STEP, False, {"learner": ExpectedSarsa()}),
     (GridsByStep(), STEP, False, {"learner": QLearner()}),
 ]
