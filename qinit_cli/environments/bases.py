@@ -33,7 +33,7 @@ class NeutralFamily:
 
     name: ClassVar[str]
     actions: ClassVar[tuple[str, ...]]
-    reward: Any = "goal"  # a class attribute, or an option, see rewards.reward_option
+    reward: Any = "goal"  # a class attribute, or an option of the subclass
     tabular: ClassVar[bool] = False
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 100

@@ -171,9 +171,8 @@ def learn(
         posterior,
     )
     evaluations = 0 if evaluation is None else evaluation.steps.shape[1]
-    paid = new_payment(payment, world, batch, records.bins, evaluations)
-    if isinstance(paid, AsTheWorldSays) and records.bins < learning.episodes:
-        paid = paid._replace(returns=np.zeros((batch, 0)))  # of single episodes alone
+    episodes = records.bins if records.bins == learning.episodes else 0  # returns are of single episodes
+    paid = new_payment(payment, world, batch, episodes, evaluations)
     arguments = (
         world,
         _setting(learning, worlds, inside, paid),

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""What steps pay, compiled: nothing but 1 at the goal costs nothing."""
+"""What steps pay, compiled. A reward of 1 at the goal alone adds no instruction to a step."""
 
 from __future__ import annotations
 
