@@ -20,6 +20,7 @@ from qinit_cli.commands import (
     doctor,
     export,
     fit,
+    import_files,
     list_artefacts,
     merge,
     report,
@@ -37,7 +38,16 @@ from qinit_store.errors import StoreError, SystemFailed
 from qinit_store.wording import printable
 
 PANELS = {
-    "The pipeline": ("train-sources", "fit", "start", "transfer", "lifelong", "compare", "verdicts"),
+    "The pipeline": (
+        "train-sources",
+        "import",
+        "fit",
+        "start",
+        "transfer",
+        "lifelong",
+        "compare",
+        "verdicts",
+    ),
     "Artefacts": ("list", "show", "plot", "report", "export", "verify", "salvage", "merge"),
     "The paper": ("reproduce",),
     "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
@@ -99,6 +109,7 @@ LATER = {  # commands with many subcommands, made when they are needed, each wit
 for name, (purpose, example) in LATER.items():
     add_later(app, name, f"qinit_cli.commands.{name.replace('-', '_')}", purpose, example=example)
 for module in (
+    import_files,
     fit,
     compare,
     verdicts,

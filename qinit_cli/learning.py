@@ -14,6 +14,7 @@ from qinit_cli.schedules import ByVisits, Schedule
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
 Start = Literal["anywhere", "fixed"]
+EXACT, IMPORTED = "exact", "imported"  # in the place of a learner: solved for, or learned elsewhere
 Q_LEARNING, EPSILON_GREEDY = QLearner(), EpsilonGreedy()  # unless another is asked for
 
 
@@ -65,8 +66,8 @@ class Learning:
 
 
 def curve_bins(learner: str, learning: Learning) -> int:
-    """Bins of a source's learning curve; 0 for the exact learner, which has none."""
-    return 0 if learner == "exact" else min(CURVE_BINS, learning.episodes)
+    """Bins of a source's learning curve; 0 where no steps were taken here."""
+    return 0 if learner in (EXACT, IMPORTED) else min(CURVE_BINS, learning.episodes)
 
 
 def _extremes(value: float | Schedule) -> tuple[float, ...]:

@@ -30,11 +30,18 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     """Classes by name. Looking up one of our own loads no plug-in, another name that one alone, iterating all of them."""
 
     def __init__(
-        self, group: str, noun: str, own: Iterable[type[Any]], fault: Callable[[type[Any]], str]
+        self,
+        group: str,
+        noun: str,
+        own: Iterable[type[Any]],
+        fault: Callable[[type[Any]], str],
+        unlisted: Iterable[type[Any]] = (),
     ) -> None:
-        """`fault` says what a plug-in's class lacks, "" where it lacks nothing."""
+        """`fault` says what a plug-in's class lacks, "" where it lacks nothing; `unlisted` are looked up, never iterated."""
         self.group, self.noun = group, noun
-        self._own: dict[str, type[Kind]] = {each.name: each for each in own}
+        listed = {each.name: each for each in own}
+        self._listed = tuple(listed)
+        self._own: dict[str, type[Kind]] = listed | {each.name: each for each in unlisted}
         self._fault = fault
         self._entries: dict[str, EntryPoint] | None = None
         self._loaded: dict[str, type[Kind]] = {}
@@ -50,15 +57,15 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         for name in list(self._plugins()):
             if name not in self._loaded:
                 self._load(name)
-        return iter([*self._own, *sorted(self._loaded)])
+        return iter([*self._listed, *sorted(self._loaded)])
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     @property
     def own(self) -> tuple[str, ...]:
-        """The names of what comes with qinit itself; no plug-in is looked for."""
-        return tuple(self._own)
+        """The names of what comes with qinit itself and is listed; no plug-in is looked for."""
+        return self._listed
 
     def is_own(self, name: str) -> bool:
         """Whether it comes with qinit itself."""

@@ -6,8 +6,9 @@ from the least return to the largest, which with a reward of 1 at the goal is th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats
@@ -31,6 +32,17 @@ class ReturnBounds:
             raise ValueError(
                 f"the least return is {self.low:g} and the largest {self.high:g}; they must differ"
             )
+
+    @classmethod
+    def read(cls, text: str) -> Self:
+        """The bounds in LOW:HIGH, as --returns takes them; ValueError where they are none, or 0 is not within them."""
+        try:
+            low, high = map(float, text.split(":"))
+        except ValueError:
+            low, high = math.nan, math.nan
+        if not (math.isfinite(low) and math.isfinite(high) and low <= 0 <= high and low < high):
+            raise ValueError(f"--returns is {text}; it must be LOW:HIGH with 0 within them, such as -200:0")
+        return cls(low, high)
 
     @property
     def width(self) -> float:

@@ -48,7 +48,14 @@ class FitKind(Kind["FitSettings"]):
         library = artefact.schema.sizes["library"]
         sources = self.read(artefact.spec).sources
         bounds = sources.family.bounds(sources.learning.gamma)
-        return fit_schema(states, action, library, *fit_statistics(everything, names), bounds=bounds).columns
+        return fit_schema(
+            states,
+            action,
+            library,
+            *fit_statistics(everything, names),
+            bounds=bounds,
+            variances=not sources.imported,
+        ).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         sources = self.read(artefact.spec).sources
@@ -101,8 +108,12 @@ def fit_schema(
     more_axes: tuple[Axis, ...] = (),
     more: tuple[Column, ...] = (),
     bounds: ReturnBounds = UNIT,
+    variances: bool = True,
 ) -> Schema:
-    """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top."""
+    """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top.
+
+    Of sources whose `variances` of TD errors may be unknown these are NaN.
+    """
     import math
 
     from qinit_cli.artefacts.columns import ROUNDING, index, within_bounds
@@ -179,6 +190,7 @@ def fit_schema(
             long_name="its mean squared TD error",
             low=0,
             high=1 + ROUNDING,
+            nan=not variances,
         ),
         Column("library_task", ("library",), "i8", long_name="task id of the source", low=0),
     )

@@ -18,7 +18,7 @@ from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
-from qinit_cli.learning import Learning
+from qinit_cli.learning import EXACT, IMPORTED, Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
@@ -39,18 +39,20 @@ ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 ROLES = ("source", "target")
-# stand-ins for settings that the exact learner does not have
-EXACT: dict[str, Any] = {
+# stand-ins for settings that tables have none of which were solved for, or learned elsewhere
+WITHOUT_STEPS: dict[str, Any] = {
+    "alpha": 0.1,
     "epsilon": 0.0,
     "episodes": 1,
+    "horizon": 1,
     "start": "fixed",
     "learner": QLearner(),
     "explore": EpsilonGreedy(),
 }
-OF_EXACT: dict[str, Any] = {  # alpha is kept for the transfer that follows
-    "alpha": float | str,
-    "gamma": float,
-    "horizon": int,
+# what such tables have; alpha and horizon of exact ones are kept for the transfer that follows
+OF_TABLES: dict[str, dict[str, Any]] = {
+    EXACT: {"alpha": float | str, "gamma": float, "horizon": int},
+    IMPORTED: {"gamma": float},
 }
 SCHEDULED = ("alpha", "epsilon")  # numbers or schedules; these are kept as they are typed
 OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
@@ -259,13 +261,19 @@ class SourcesSettings:
     seed: int
     tasks: int
     role: str = "source"
+    files: tuple[str, ...] = ()  # SHA-256 of each file that tables were imported from
+    min_visits: int | None = (
+        None  # below which a pair of imported tables is unknown; None: visits are unknown
+    )
 
     @classmethod
     def of(cls, tasks: SourceTasks, count: int) -> Self:
         """The settings of `count` tasks to learn."""
         family = StoredFamily.of(tasks.family)
-        exact = tasks.learner == "exact"
-        learning = dataclasses.replace(tasks.learning, **EXACT) if exact else tasks.learning
+        learning = tasks.learning
+        if tasks.learner == EXACT:
+            stands_in = {name: value for name, value in WITHOUT_STEPS.items() if name not in OF_TABLES[EXACT]}
+            learning = dataclasses.replace(learning, **stands_in)
         version = _algorithm(tasks.family)
         return cls(version, family, tasks.learner, learning, tasks.seed, count, tasks.role)
 
@@ -285,9 +293,15 @@ class SourcesSettings:
             "seed": int,
             "tasks": int,
         }
-        told = _of(told, "the settings", needed, {"role": str})
+        told = _of(told, "the settings", needed, {"role": str, "files": list, "min_visits": int})
         _among("role", told.get("role", "source"), ROLES)
-        return cls(**{**told, **_drawn(told)})
+        files = told.get("files", [])
+        if (told["learner"] == IMPORTED) != bool(files) or not all(map(_is_content, files)):
+            raise ValueError(
+                f"files is {files!r}; imported tables have a list of content hashes, others none"
+            )
+        _at_least(told, min_visits=0)
+        return cls(**{**told, "files": tuple(files), **_drawn(told)})
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps them."""
@@ -303,7 +317,14 @@ class SourcesSettings:
             "learning": plain_learning(self.learning, self.learner),
             "seed": self.seed,
             "tasks": self.tasks,
+            **({"files": list(self.files)} if self.files else {}),
+            **({} if self.min_visits is None else {"min_visits": self.min_visits}),
         }
+
+    @property
+    def imported(self) -> bool:
+        """Whether the tables were learned elsewhere: path lengths, steps and where targets start are unknown."""
+        return self.learner == IMPORTED
 
     @property
     def sources(self) -> SourcesSettings:
@@ -312,7 +333,9 @@ class SourcesSettings:
 
     def choice(self) -> Self:
         """What replicates of a set of sources share; the rest is neutral."""
-        return dataclasses.replace(self, algorithm_version=ALGORITHM, seed=0, tasks=1, role="source")
+        return dataclasses.replace(
+            self, algorithm_version=ALGORITHM, seed=0, tasks=1, role="source", files=self.files[:0]
+        )
 
 
 @dataclass(frozen=True)
@@ -629,14 +652,14 @@ def _algorithm(family: Family) -> int:
 
 
 def plain_learning(learning: Learning, learner: str = "") -> dict[str, Any]:
-    """As the store keeps it, for what is learned; of what the `learner` "exact" solves, the settings that mean something there.
+    """As the store keeps it, for what is learned; of tables that were solved for or imported, the settings that they have.
 
     Learner and exploration stand there unless they are epsilon-greedy Q-learning.
     """
     told = {one.name: getattr(learning, one.name) for one in dataclasses.fields(Learning)}
     told |= {name: str(told[name]) for name in SCHEDULED if isinstance(told[name], Schedule)}
-    if learner == "exact":
-        return {name: told[name] for name in OF_EXACT}
+    if learner in OF_TABLES:
+        return {name: told[name] for name in OF_TABLES[learner]}
     for name, usual in (("learner", QLearner()), ("explore", EpsilonGreedy())):
         one = told.pop(name)
         if one != usual:
@@ -661,17 +684,17 @@ def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
 def _learning(told: Any, learner: str = "") -> Learning:
     """How tasks are learned, by the `learner` of this name if one is given; ValueError where that cannot be."""
     settings = dict(_object(told, "learning"))
-    if learner == "exact":
-        settings = EXACT | _of(settings, "learning", OF_EXACT)
+    if learner in OF_TABLES:
+        settings = WITHOUT_STEPS | _of(settings, "learning", OF_TABLES[learner])
     for name in SCHEDULED:
         if isinstance(text := settings.get(name), str):
             settings[name] = _schedule(name, text)
     readers: dict[str, Callable[[Any], Any]] = {"learner": _learner, "explore": _exploration}
     for name, reader in readers.items():
-        if name in settings and learner != "exact":
+        if name in settings and learner not in OF_TABLES:
             settings[name] = reader(settings[name])
     found = _built(Learning, settings, "learning")
-    if learner not in ("", "exact", found.learner.name):
+    if learner not in ("", *OF_TABLES, found.learner.name):
         raise ValueError(f"the learner is {learner!r}, and learning is by {found.learner.name}")
     return found
 
@@ -800,6 +823,10 @@ def _at_least(settings: Spec, **least: int) -> None:
 def _content(told: Spec) -> str:
     """The content hash of the one input."""
     inputs = told["inputs"]
-    if len(inputs) != 1 or not isinstance(inputs[0], str) or not CONTENT.fullmatch(inputs[0]):
+    if len(inputs) != 1 or not _is_content(inputs[0]):
         raise ValueError(f"inputs is {inputs!r}, no list of one content hash")
-    return inputs[0]
+    return str(inputs[0])
+
+
+def _is_content(value: Any) -> bool:
+    return isinstance(value, str) and bool(CONTENT.fullmatch(value))

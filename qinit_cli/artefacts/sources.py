@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
+from qinit_cli.learning import EXACT
 from qinit_cli.rewards import SHARE, UNIT, ReturnBounds
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column, Schema
 
 ERROR_TASKS = 100  # whose tables are set against exact ones
+OF_LEARNING = ("eopl", "solved", "steps", "seconds")  # columns of tasks that were learned or solved here
+OF_IMPORTED = ("q", "visits", "td_var")  # columns that tables learned elsewhere may have
+NEVER_ARRIVES = -1  # a path length that no statistic counts
 
 
 class SourcesKind(Kind["SourcesSettings"]):
@@ -42,8 +46,17 @@ class SourcesKind(Kind["SourcesSettings"]):
     def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
         return sources_schema(states, action, (), 0).columns
 
+    def lack(self, schema: Schema, *, part: bool) -> str:
+        found = super().lack(schema, part=part)
+        names = {column.name for column in schema.columns}
+        # imported tables lack all of what learning leaves; `asked` refuses others without it
+        return "" if found and "q" in names and not names & set(OF_LEARNING) else found
+
     def asked(self, spec: Spec) -> tuple[str, ...]:
-        return () if self.read(spec).learner == "exact" else ("curve_steps", "curve_reached")
+        settings = self.read(spec)
+        if settings.imported:
+            return () if settings.min_visits is None else ("visits",)
+        return OF_LEARNING if settings.learner == EXACT else (*OF_LEARNING, "curve_steps", "curve_reached")
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         from qinit_cli.learning import curve_bins
@@ -54,11 +67,15 @@ class SourcesKind(Kind["SourcesSettings"]):
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         settings, bins = self.read(artefact.spec), artefact.schema.sizes.get("bin", 0)
         bounds = settings.family.bounds(settings.learning.gamma)
+        if settings.imported:
+            return imported_schema(*self.axes(artefact), bounds).columns
         return sources_schema(*self.axes(artefact), (), bins, bounds).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         settings = self.read(artefact.spec)
-        if settings.learner == "exact":
+        if settings.imported:
+            return {}
+        if settings.learner == EXACT:
             return {"steps": 0, "visits": 0, **self.longest_path(artefact, settings)}
         learning = settings.learning
         most = learning.episodes * learning.horizon
@@ -76,8 +93,10 @@ class SourcesKind(Kind["SourcesSettings"]):
         from qinit_cli.environments.family import relative_error
 
         settings = self.read(artefact.spec)
+        if settings.imported:
+            return _imported_shown(artefact, settings)
         family = None if settings.family.here is None else self.family(artefact)
-        compared = family is not None and family.tabular and settings.learner != "exact"
+        compared = family is not None and family.tabular and settings.learner != EXACT
         solved = steps = unvisited = not_positive = entries = 0
         seconds = 0.0
         start_values: list[Floats] = []
@@ -106,7 +125,7 @@ class SourcesKind(Kind["SourcesSettings"]):
             "seconds": seconds,
         }
         numbers |= {"entries": entries, "entries_not_positive": not_positive}
-        if settings.learner != "exact":
+        if settings.learner != EXACT:
             numbers["entries_never_visited"] = unvisited
         if errors:
             numbers |= _error_numbers(np.array(errors).reshape(len(errors), -1), artefact.tasks)
@@ -141,27 +160,7 @@ def sources_schema(
     from qinit_cli.artefacts.columns import ROUNDING, index, kept, within_bounds
     from qinit_store.schema import TASK, Column, Schema, digest_axis
 
-    state_action = (*(axis.name for axis in state_axes), action.name)
-    tables = (
-        Column("q", (TASK, *state_action), "f8", long_name="action values", low=0, high=1 + ROUNDING),
-        Column(
-            "td_var",
-            (TASK, *state_action),
-            "f8",
-            long_name="mean squared TD error of the task's own table",
-            low=0,
-            high=1 + ROUNDING,
-        ),
-        Column(
-            "eopl",
-            (TASK, *state_action),
-            "i4",
-            "step",
-            "expected optimal path length, -1: never arrives",
-            low=-1,
-        ),
-        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
-    )
+    tables = within_bounds(table_columns(state_axes, action), bounds)
     curve = (
         Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes", low=0),
         Column(
@@ -181,8 +180,47 @@ def sources_schema(
         *kept(),
     )
     axes = (*state_axes, action, *([index("bin", bins)] if bins else []), digest_axis())
-    bounded = within_bounds(tables, bounds)
-    return Schema("sources", axes, (*bounded, *(curve if bins else ()), *parameters, *totals))
+    return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
+
+
+def table_columns(state_axes: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
+    """The columns over states and actions, of returns from 0 to 1."""
+    from qinit_cli.artefacts.columns import ROUNDING
+    from qinit_store.schema import TASK, Column
+
+    state_action = (*(axis.name for axis in state_axes), action.name)
+    return (
+        Column("q", (TASK, *state_action), "f8", long_name="action values", low=0, high=1 + ROUNDING),
+        Column(
+            "td_var",
+            (TASK, *state_action),
+            "f8",
+            long_name="mean squared TD error of the task's own table",
+            low=0,
+            high=1 + ROUNDING,
+        ),
+        Column(
+            "eopl",
+            (TASK, *state_action),
+            "i4",
+            "step",
+            "expected optimal path length, -1: never arrives",
+            low=-1,
+        ),
+        Column("visits", (TASK, *state_action), "i8", long_name="updates of the pair", low=0),
+    )
+
+
+def imported_schema(
+    state_axes: tuple[Axis, ...], action: Axis, bounds: ReturnBounds, given: Sequence[str] = OF_IMPORTED
+) -> Schema:
+    """What imported tables hold: the columns `given`, of q, visits and td_var; what nobody gave is not there."""
+    from qinit_cli.artefacts.columns import within_bounds
+    from qinit_store.schema import Schema, digest_axis, digest_column
+
+    tables = [one for one in table_columns(state_axes, action) if one.name in given]
+    axes = (*state_axes, action, digest_axis())
+    return Schema("sources", axes, (*within_bounds(tables, bounds), digest_column()))
 
 
 def blocks_in_shares(
@@ -190,8 +228,10 @@ def blocks_in_shares(
 ) -> Iterator[dict[str, Any]]:
     """The columns in blocks of tasks, `q` and `td_var` as shares of the attainable return, see rewards.ReturnBounds."""
     shares = Shares.of(artefact)
-    for block in artefact.blocks((*names, *shares.needed), size or artefact.schema.block_size):
-        yield shares.block(block)
+    there = {column.name for column in artefact.schema.columns}
+    read = [name for name in (*names, *shares.needed) if name in there]
+    for block in artefact.blocks(read, size or artefact.schema.block_size):
+        yield shares.block(block, names)
 
 
 @dataclass(frozen=True)
@@ -199,33 +239,58 @@ class Shares:
     """How the returns in sources become shares of the attainable return."""
 
     bounds: ReturnBounds
-    learned: bool
+    least_visits: int | None  # of a pair that is known; None: none is left out
 
     @classmethod
     def of(cls, artefact: Artefact) -> Self:
         """Those of the sources in an artefact."""
         settings = SOURCES.read(artefact.spec)
-        return cls(settings.family.bounds(settings.learning.gamma), settings.learner != "exact")
+        bounds = settings.family.bounds(settings.learning.gamma)
+        if settings.imported:
+            return cls(bounds, settings.min_visits)
+        # a learned table holds its start where it was never visited, which may be any return
+        return cls(bounds, None if settings.learner == EXACT or bounds == UNIT else 1)
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """The columns that say which pairs were learned, beside the values."""
-        return ("visits",) if self.learned and self.bounds != UNIT else ()
+        """The columns that say which pairs are known, beside the values."""
+        return () if self.least_visits is None else ("visits",)
 
-    def block(self, block: Mapping[str, Any]) -> dict[str, Any]:
-        """The block with shares: 0, which a fit leaves out, for a pair that a learner never visited."""
+    def block(self, block: Mapping[str, Any], names: Sequence[str] = ()) -> dict[str, Any]:
+        """The block with shares: 0, which a fit leaves out, for a pair that is unknown.
+
+        Of imported tables also the columns `names` that nobody gave: variances of NaN, path lengths that never arrive.
+        """
         import numpy as np
 
-        if self.bounds == UNIT:
-            return dict(block)
         found = dict(block)
         if "q" in found:
             found["q"] = self.bounds.shares(found["q"])
-            if self.learned:  # it holds its start, which may be any return
-                found["q"] = np.where(found["visits"] > 0, found["q"], 0.0)
-        if "td_var" in found:
+            if self.least_visits is not None:
+                found["q"] = np.where(found["visits"] >= self.least_visits, found["q"], 0.0)
+        if "td_var" in found and self.bounds != UNIT:
             found["td_var"] = found["td_var"] / self.bounds.width**2
+        for name, unknown in (("td_var", np.nan), ("eopl", NEVER_ARRIVES)):
+            if name in names and name not in found:
+                found[name] = np.full(found["q"].shape, unknown)
         return found
+
+
+def _imported_shown(artefact: Artefact, settings: SourcesSettings) -> Shown:
+    """Tables that were learned elsewhere in brief: steps, solved tasks and target starts are unknown."""
+    import numpy as np
+
+    total: Any = 0.0
+    known = entries = 0
+    for block in blocks_in_shares(artefact, ("q",)):
+        total = total + block["q"].max(axis=-1).sum(axis=0)
+        known += int((block["q"] > 0).sum())
+        entries += block["q"].size
+    numbers: dict[str, Any] = {"tasks": artefact.task_count, "files": len(settings.files)}
+    numbers |= {"entries": entries, "entries_unknown": entries - known}
+    mean = np.asarray(total) / max(1, artefact.task_count)
+    quantity = "Q" if settings.family.bounds(settings.learning.gamma) == UNIT else SHARE
+    return Shown(numbers, mean, "heatmap", f"largest {quantity} over actions, mean over tasks")
 
 
 def _tasks(family: Family, block: dict[str, Any]) -> Tasks:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.learners import LEARNERS, QLearner
 from qinit_cli.learners.exploration import EpsilonGreedy
+from qinit_cli.learning import EXACT, IMPORTED
+from qinit_store.wording import counted as number_of
 
 if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import Settings, SourceSet, StoredFamily
@@ -21,10 +23,11 @@ Spec = Mapping[str, Any]
 Words = dict[str, str]
 
 # not settings, or taken apart below
-APART = ("kind", "family", "learning", "method", "source_set", "sources", "inputs", "grid")
+APART = ("kind", "family", "learning", "method", "source_set", "sources", "inputs", "grid", "files")
 ITSELF = ("learner", "explore", "estimator", "role")  # settings whose values need no name: "exact", "umvue"
 RECORDED = ("keep_q", "evaluate_every")  # what a run keeps changes none of its numbers
 OF_METHOD, OF_RECORD, OF_SOURCES = "method", "recorded", "sources"  # how the keys of such settings begin
+SHORT = 8  # digits of a hash
 THEIRS = "sources' "
 
 
@@ -112,6 +115,8 @@ def _own(plain: Spec, family: StoredFamily | None, *, labelled: bool) -> Iterato
                 f"{OF_RECORD if name in RECORDED else within} {name}",
                 _word(noun, value, counted=name == "tasks"),
             )
+    if files := plain.get("files"):  # of imported tables nothing else may differ
+        yield f"{within} files", f"{number_of(len(files), 'file')} from {files[0][:SHORT]}"
     for key, word in _learned(plain):
         yield f"{within} {key}", word
     method = plain.get("method", {})
@@ -126,7 +131,7 @@ def _learned(plain: Spec) -> Iterator[tuple[str, str]]:
     """
     learning = plain.get("learning", {})
     idle = {"epsilon"} if "explore" in learning else set()
-    if learning and plain.get("learner") != "exact":
+    if learning and plain.get("learner") not in (EXACT, IMPORTED):
         learning = {"learner": {"name": QLearner.name}, "explore": {"name": EpsilonGreedy.name}} | learning
         kind = LEARNERS.get(learning["learner"]["name"])
         idle |= set() if kind is None or kind.steps else {"alpha"}
@@ -154,7 +159,7 @@ def _of_sources(fitted: SourceSet, targets: StoredFamily) -> Words:
     for name, value in shared.items():
         if name not in APART:
             # targets have seeds and learners of their own, but for the exact one
-            theirs = THEIRS if name in ("seed", "learner") and value != "exact" else ""
+            theirs = THEIRS if name in ("seed", "learner") and value not in (EXACT, IMPORTED) else ""
             word = _word("sources" if name == "tasks" else name, value, counted=name == "tasks")
             found[f"{within} {name}"] = theirs + word
     return found

@@ -10,6 +10,7 @@ from typing import Any
 from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.gym import Gym
+from qinit_cli.environments.imported import ImportedTables
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.environments.windy_gridworld import WindyGridworld
@@ -20,6 +21,7 @@ FAMILIES: Registry[Family] = Registry(
     "family",
     (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym),
     lambda found: _fault(found),
+    unlisted=(ImportedTables,),  # read from artefacts, never learned
 )
 
 __all__ = ["FAMILIES", "Family"]

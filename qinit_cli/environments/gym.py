@@ -7,12 +7,10 @@ read, learned in the compiled loop and solved exactly; else it is simulated by g
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
@@ -129,7 +127,7 @@ class Gym(TableFamily):
                     f"--returns is given with --reward {self.reward}, whose returns are known; "
                     "leave it out or give --reward native"
                 )
-            _bounds(self.returns)
+            ReturnBounds.read(self.returns)
         names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"{twice[0]} is varied or set twice")
@@ -297,7 +295,7 @@ class Gym(TableFamily):
             return super().payment(gamma)
         check_discount(gamma)
         if self.returns is not None:
-            return Payment(_bounds(self.returns), None, 0.0)
+            return Payment(ReturnBounds.read(self.returns), None, 0.0)
         if not self.tabular:
             raise ValueError(
                 f"--reward native of {self.env_id} has no table to take the bounds of returns from; "
@@ -508,15 +506,3 @@ class Gym(TableFamily):
     @property
     def _seen(self) -> Seen:
         return seen(self.env_id, self._example, self.bins or "", self._texts("range"))
-
-
-@lru_cache(64)
-def _bounds(returns: str) -> ReturnBounds:
-    """The bounds that --returns gives; ValueError where they are none."""
-    try:
-        low, high = map(float, returns.split(":"))
-    except ValueError:
-        low, high = math.nan, math.nan
-    if not (math.isfinite(low) and math.isfinite(high) and low <= 0 <= high and low < high):
-        raise ValueError(f"--returns is {returns}; it must be LOW:HIGH with 0 within them, such as -200:0")
-    return ReturnBounds(low, high)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.methods.method import Initial, Look, Method
 from qinit_cli.options import option
 
@@ -115,11 +116,19 @@ class Posterior(Method):
         return replace(super().initial(fit, targets), hypotheses=self.hypotheses(fit, targets.family))
 
     def hypotheses(self, fit: FittedTables, family: Family) -> Hypotheses:
-        """The library's tables, within the bounds of returns, with the rules of weighing."""
+        """The library's tables, within the bounds of returns, with the rules of weighing.
+
+        NotAllowed where the variances of their TD errors are unknown.
+        """
         import numpy as np
 
         from qinit_cli.kernels.posterior import Hypotheses
 
+        if np.isnan(fit.library_td_var).any():
+            raise NotAllowed(
+                "the posterior weighs tables by the variances of their TD errors, which are unknown of these imported tables; "
+                "import them with an array td_var, or choose another method"
+            )
         evidence = self._evidence(family)
         return Hypotheses(
             q=np.clip(fit.library_q[: self.library], 0.0, 1.0),

@@ -19,6 +19,7 @@ from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions, FittedTables, in_returns
+from qinit_cli.options import flag
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline import fit_statistics as statistics
 from qinit_cli.pipeline.fit import Selection
@@ -113,6 +114,13 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
         raise NotAllowed(
             f"--check-theory is of a reward of 1 at the goal, and steps of {source.path} pay otherwise; leave it out"
         )
+    lengths = [
+        name for name in ("eopl_normality", "check_theory") if getattr(fitting, name) not in ("none", False)
+    ]
+    if settings.imported and lengths:
+        raise NotAllowed(
+            f"{flag(lengths[0])} is of path lengths, which are unknown of the imported tables in {source.path}; leave it out"
+        )
     selection, held = stage.hold_out(selection_of(source, family, fitting), fitting.holdout)
     return Asked(
         family,
@@ -131,7 +139,7 @@ def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
     settings = SourcesSettings.read(source.spec)
     bounds = settings.family.bounds(settings.learning.gamma)
     more = fit_statistics(statistics.contents(fitting), state_action)
-    return fit_schema(tuple(states), action, library, *more, bounds=bounds)
+    return fit_schema(tuple(states), action, library, *more, bounds=bounds, variances=not settings.imported)
 
 
 def _axes(source: Artefact) -> list[Axis]:
@@ -172,20 +180,24 @@ def selection_of(source: Artefact, family: Family, fitting: FitOptions) -> Selec
     """Which sources are fitted; NotAllowed where they are too few. Read ahead: verified once all rows have been read."""
     columns = family.parameters()
     tasks = np.empty(source.task_count, [(column.name, column.dtype) for column in columns])
-    found = source.read_ahead([*(column.name for column in columns), "solved"])
+    settings = SourcesSettings.read(source.spec)
+    found = source.read_ahead(
+        [*(column.name for column in columns), *([] if settings.imported else ["solved"])]
+    )
     for column in columns:
         tasks[column.name] = found[column.name]
-    settings = SourcesSettings.read(source.spec)
-    horizon = settings.learning.horizon
-    selection = stage.select(family, tasks, found["solved"].astype(bool), horizon, fitting)
+    # which imported tables solve their tasks is unknown: all teach
+    solved = np.ones(len(tasks), bool) if settings.imported else found["solved"].astype(bool)
+    selection = stage.select(family, tasks, solved, settings.learning.horizon, fitting)
     count = int(selection.kept.sum())
     if count - fitting.holdout < FEWEST_SOURCES:
         source.check_tasks()
+        more = "import more tables" if settings.imported else "ask train-sources for more --tasks"
         left_out = f" and --holdout {fitting.holdout} leaves them out" if fitting.holdout else ""
         raise NotAllowed(
             f"{source.path} has {counted(count, 'source')} to fit{left_out} ({selection.unsolvable} cannot be solved, "
             f"{selection.unlearned} {unlearned(settings)}); "
-            f"a fit needs at least {FEWEST_SOURCES}: ask train-sources for more --tasks"
+            f"a fit needs at least {FEWEST_SOURCES}: {more}"
         )
     return selection
 

@@ -11,7 +11,7 @@ from qinit_cli.artefacts.settings import FitSettings
 from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.fitted import FittedTables
-from qinit_cli.learning import Learning
+from qinit_cli.learning import EXACT, IMPORTED, Learning
 from qinit_store.held import Held
 
 
@@ -40,9 +40,9 @@ class Knowledge:
 
     @property
     def learning(self) -> Learning:
-        """How the sources were learned; of exact tables how targets are, with the sources' discount."""
+        """How the sources were learned; of exact and imported tables how targets are, with the sources' discount."""
         sources = self.settings.sources
-        if sources.learner != "exact":
+        if sources.learner not in (EXACT, IMPORTED):
             return sources.learning
         return replace(self.family.target_learning, gamma=sources.learning.gamma)
 

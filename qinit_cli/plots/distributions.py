@@ -89,10 +89,10 @@ def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> li
 
 
 def _learned(settings: SourcesSettings) -> dict[str, Any]:
-    from qinit_cli.artefacts.settings import OF_EXACT
+    from qinit_cli.artefacts.settings import OF_TABLES
 
-    exact = settings.learner == "exact"
-    told = [one.name for one in fields(settings.learning) if one.name in OF_EXACT or not exact]
+    of_learning = [one.name for one in fields(settings.learning)]
+    told = OF_TABLES.get(settings.learner, of_learning)
     return {"learner": settings.learner} | {name: getattr(settings.learning, name) for name in told}
 
 

@@ -1,0 +1,1 @@
+"""Tables and learning curves of other programs, made artefacts: files in, nothing executed."""

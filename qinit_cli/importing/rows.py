@@ -1,0 +1,188 @@
+"""Long tables of other programs: a row for each task, state and action, as CSV or Parquet, read in two passes.
+
+The first pass finds tasks, coordinates and actions; the second fills blocks of tasks. The rows of a task stand together.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qinit_cli.artefacts.formats import pyarrow
+from qinit_cli.errors import NotAllowed, UsageError
+
+ROWS = (".csv", ".tsv", ".parquet")
+AT_ONCE = 65_536  # rows of a file
+TASK, ACTION = "task", "action"
+
+Columns = dict[str, Any]  # name: (n,) texts, or numbers
+
+
+@dataclass
+class Scan:
+    """What a first pass over a file found."""
+
+    tasks: int = 0
+    coordinates: dict[str, set[float]] = field(default_factory=dict)  # of each state axis
+    actions: dict[str, None] = field(default_factory=dict)  # in order of their first rows
+
+
+@dataclass(frozen=True)
+class RowFile:
+    """A file of rows."""
+
+    path: Path
+    columns: Mapping[str, str]  # q, visits and td_var to the names of those that are there
+    axes: tuple[str, ...]
+    has_tasks: bool
+
+    @classmethod
+    def of(cls, path: Path, wanted: Mapping[str, str], axes: Sequence[str] | None) -> RowFile:
+        """The file with the roles of its columns; UsageError where one is missing."""
+        names = next(iter(chunks(path, 1))).keys()
+        columns = {role: name for role, name in wanted.items() if name in names}
+        if lacking := [name for name in (wanted["q"], ACTION) if name not in names]:
+            raise UsageError(
+                f"{path} has no column {lacking[0]!r}; it has {', '.join(names)}"
+                f"{'; give --key NAME' if lacking[0] != ACTION else ''}"
+            )
+        others = [name for name in names if name not in (TASK, ACTION, *columns.values())]
+        if axes is not None and (missing := [name for name in axes if name not in others]):
+            raise UsageError(
+                f"{path} has no column {missing[0]!r}, which --axes names; it has {', '.join(names)}"
+            )
+        states = tuple(others if axes is None else axes)
+        if not states:
+            raise UsageError(f"{path} has no column of states beside {', '.join(names)}")
+        return cls(path, columns, states, TASK in names)
+
+    def scan(self) -> Scan:
+        """Tasks, coordinates and actions; NotAllowed where the rows of a task do not stand together."""
+        found = Scan(coordinates={name: set() for name in self.axes})
+        for place, chunk in self._numbered():
+            for name in self.axes:
+                found.coordinates[name].update(np.unique(self._numbers(chunk, name)).tolist())
+            found.actions.update(dict.fromkeys(map(str, np.unique(chunk[ACTION]).tolist())))
+            found.tasks = int(place[-1]) + 1
+        return found
+
+    def blocks(
+        self, coordinates: Mapping[str, Sequence[float]], actions: Mapping[str, int], rows: int
+    ) -> Iterator[dict[str, Any]]:
+        """The tables of so many tasks at a time, (n, *states, A) by role; a pair without a row is NaN, its visits 0."""
+        shape = (*(len(coordinates[name]) for name in self.axes), 1 + max(actions.values()))
+        places = {name: {value: at for at, value in enumerate(coordinates[name])} for name in self.axes}
+        first, held = 0, self._empty(0, shape)
+        for place, chunk in self._numbered():
+            last = int(place[-1]) + 1
+            held = self._grown(held, last - first, shape)
+            state = [self._places(chunk, name, places[name]) for name in self.axes]
+            action = self._actions(chunk, actions)
+            cell = np.ravel_multi_index((place - first, *state, action), (last - first, *shape))
+            taken = np.zeros(held["q"].size, bool)
+            taken[cell] = True
+            if taken.sum() < len(cell) or not np.isnan(held["q"].reshape(-1)[cell]).all():
+                raise NotAllowed(f"{self.path} has two rows for one task, state and action")
+            for role, name in self.columns.items():
+                held[role].reshape(-1)[cell] = self._numbers(chunk, name)
+            while last - 1 - first >= rows:  # the last task may go on
+                yield {role: values[:rows] for role, values in held.items()}
+                held = {role: values[rows:] for role, values in held.items()}
+                first += rows
+        if len(held["q"]):
+            yield held
+
+    def _empty(self, count: int, shape: tuple[int, ...]) -> dict[str, Any]:
+        return {role: np.full((count, *shape), 0.0 if role == "visits" else np.nan) for role in self.columns}
+
+    def _grown(self, held: dict[str, Any], count: int, shape: tuple[int, ...]) -> dict[str, Any]:
+        more = self._empty(count - len(held["q"]), shape)
+        return {role: np.concatenate([values, more[role]]) for role, values in held.items()}
+
+    def _numbered(self) -> Iterator[tuple[Any, Columns]]:
+        """The rows in chunks, each with the place of its task, (n,)."""
+        seen: set[str] = set()
+        last, count = None, 0
+        for chunk in chunks(self.path, AT_ONCE):
+            tasks = chunk.get(TASK) if self.has_tasks else None
+            if tasks is None:
+                yield np.zeros(len(chunk[ACTION]), np.int64), chunk
+                continue
+            new = np.concatenate([[str(tasks[0]) != last], tasks[1:] != tasks[:-1]])
+            for name in map(str, tasks[new].tolist()):
+                if name in seen:
+                    raise NotAllowed(
+                        f"the rows of task {name} do not stand together in {self.path}; sort the file by task"
+                    )
+                seen.add(name)
+            yield count - 1 + np.cumsum(new), chunk
+            last, count = str(tasks[-1]), count + int(new.sum())
+
+    def _numbers(self, chunk: Columns, name: str) -> Any:
+        values = chunk[name]
+        try:
+            return values.astype(np.float64)
+        except ValueError as error:
+            raise NotAllowed(
+                f"column {name} of {self.path} has a value that is no number: {error}"
+            ) from error
+
+    def _places(self, chunk: Columns, name: str, places: Mapping[float, int]) -> Any:
+        values, back = np.unique(self._numbers(chunk, name), return_inverse=True)
+        if unknown := [value for value in values.tolist() if value not in places]:
+            raise NotAllowed(
+                f"column {name} of {self.path} has the value {unknown[0]:g}, which is no place of the axis --axes gives"
+            )
+        return np.array([places[value] for value in values.tolist()])[back]
+
+    def _actions(self, chunk: Columns, actions: Mapping[str, int]) -> Any:
+        values, back = np.unique(chunk[ACTION], return_inverse=True)
+        names = list(map(str, values.tolist()))
+        if unknown := [name for name in names if name not in actions]:
+            raise NotAllowed(
+                f"{self.path} has the action {unknown[0]}, which is none of {', '.join(dict.fromkeys(actions))}"
+            )
+        return np.array([actions[name] for name in names])[back]
+
+
+def chunks(path: Path, rows: int) -> Iterator[Columns]:
+    """The columns of a file by name, so many rows at a time; at least one chunk, or NotAllowed."""
+    pieces = _parquet(path, rows) if path.suffix.lower() == ".parquet" else _text(path, rows)
+    first = next(pieces, None)
+    if first is None:
+        raise NotAllowed(f"{path} has no rows")
+    yield first
+    yield from pieces
+
+
+def _parquet(path: Path, rows: int) -> Iterator[Columns]:
+    arrow, parquet = pyarrow()
+    try:
+        file = parquet.ParquetFile(path)
+        for batch in file.iter_batches(rows):
+            yield {
+                name: np.asarray(column.to_numpy(zero_copy_only=False))
+                for name, column in zip(batch.schema.names, batch.columns, strict=True)
+            }
+    except arrow.ArrowInvalid as error:
+        raise NotAllowed(f"{path} is no Parquet file: {error}") from error
+
+
+def _text(path: Path, rows: int) -> Iterator[Columns]:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file, delimiter="\t" if path.suffix.lower() == ".tsv" else ",")
+        names = [name.strip() for name in next(reader, [])]
+        while piece := list(islice(reader, rows)):
+            if odd := [row for row in piece if len(row) != len(names)]:
+                raise NotAllowed(
+                    f"{path} has a row of {len(odd[0])} values where its header has {len(names)}, near line {reader.line_num}"
+                )
+            yield {
+                name: np.array(values) for name, values in zip(names, zip(*piece, strict=True), strict=True)
+            }
