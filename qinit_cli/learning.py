@@ -14,7 +14,8 @@ from qinit_cli.schedules import ByVisits, Schedule
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
 Start = Literal["anywhere", "fixed"]
-EXACT, IMPORTED = "exact", "imported"  # in the place of a learner: solved for, or learned elsewhere
+# in the place of a learner: solved for, or learned elsewhere, of which tables are known or curves
+EXACT, IMPORTED, IMPORTED_CURVES = "exact", "imported", "imported curves"
 Q_LEARNING, EPSILON_GREEDY = QLearner(), EpsilonGreedy()  # unless another is asked for
 
 

@@ -135,6 +135,15 @@ class Kind(ABC, Generic[Told]):
     def check_values(self, artefact: Artefact) -> None:  # neutral: few kinds have such
         """ValueError where its numbers contradict one another, or its settings."""
 
+    def table_dims(self, schema: Schema, table: str) -> tuple[str, ...]:
+        """The axes of a long table, () where there is none of that name."""
+        lead = self.tables.get(table)
+        return next((column.dims for column in schema.columns if column.name == lead), ())
+
+    def has_table(self, schema: Schema) -> bool:
+        """Whether its table is there: imported curves have none."""
+        return any(column.name == self.table for column in schema.columns)
+
     def axes(self, artefact: Artefact) -> tuple[tuple[Axis, ...], Axis]:
         """The state axes and the action axis of its table."""
         axes = {axis.name: axis for axis in artefact.schema.axes}
@@ -158,6 +167,8 @@ class Kind(ABC, Generic[Told]):
         from qinit_cli.errors import NotAllowed
 
         family = self.read(artefact.spec).sources.family.installed(artefact.provenance)
+        if not self.has_table(artefact.schema):
+            return family
         wanted = (*family.shape, len(family.actions))
         column = next(one for one in artefact.schema.columns if one.name == self.table)
         if (there := artefact.schema.row_shape(column)) != wanted:

@@ -20,8 +20,7 @@ ROWS = 16_384  # of a long table in one piece
 
 def tables(artefact: Artefact) -> list[str]:
     """The names of the long tables that the artefact has."""
-    there = {column.name for column in artefact.schema.columns}
-    return [name for name, lead in KINDS[artefact.kind].tables.items() if lead in there]
+    return _there(artefact.schema)
 
 
 def fields(artefact: Artefact, table: str) -> list[Field]:
@@ -77,13 +76,10 @@ def rows(artefact: Artefact, table: str) -> Iterator[dict[str, Array]]:
 
 def layout(schema: Schema, table: str) -> tuple[tuple[str, ...], list[Column]]:
     """The axes of a long table and the datasets over exactly these, what tasks were drawn as apart."""
-    lead = KINDS[schema.kind].tables.get(table)
-    found = [column for column in schema.columns if column.name == lead]
-    if not found:
-        there = {column.name for column in schema.columns}
-        names = ", ".join(name for name, dataset in KINDS[schema.kind].tables.items() if dataset in there)
+    dims = KINDS[schema.kind].table_dims(schema, table)
+    if not dims:
+        names = ", ".join(_there(schema))
         raise NotAllowed(f"there is no table {table} in these {KINDS[schema.kind].folder}; there is {names}")
-    dims = found[0].dims
     joined = [column for dim in dims for column in drawn(schema, dim)]
     return dims, [column for column in schema.columns if column.dims == dims and column not in joined]
 
@@ -94,6 +90,11 @@ def drawn(schema: Schema, dim: str) -> list[Column]:
     if dim not in kind.described:
         return []
     return [column for column in schema.columns if column.dims == (dim,) and column.name not in kind.results]
+
+
+def _there(schema: Schema) -> list[str]:
+    kind = KINDS[schema.kind]
+    return [name for name in kind.tables if kind.table_dims(schema, name)]
 
 
 def _labels(artefact: Artefact) -> dict[str, str]:

@@ -129,7 +129,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
         for name in (*kind.indices, "byte")
         if name in artefact.schema.sizes
     ]
-    if family is not None and kind.table and not getattr(family, "packages", ()):
+    if family is not None and kind.has_table(artefact.schema) and not getattr(family, "packages", ()):
         axes += [*family.axes(), action_axis(family)]
     _check_scales(artefact)
     parameters = family.parameters() if family is not None and kind.has_parameters else ()
@@ -147,7 +147,7 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
 def _check_scales(artefact: Artefact) -> None:
     """ValueError where the axes of a table, or the moments of a run, are no scales whatever the family."""
     axes = {axis.name: axis.values for axis in artefact.schema.axes}
-    if KINDS[artefact.kind].table:
+    if KINDS[artefact.kind].has_table(artefact.schema):
         table = next(one for one in artefact.schema.columns if one.name == KINDS[artefact.kind].table)
         *states, action = (name for name in table.dims if name != "task")
         if axes[action].dtype.kind != "S":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
@@ -14,6 +14,14 @@ if TYPE_CHECKING:
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
 
+OF_TRANSFER = (
+    "start",
+    "potential",
+    "steps",
+    "reached",
+    "seconds",
+)  # columns of targets that were learned here
+CURVES = ("steps", "reached", "return")  # columns of imported runs, some of them
 SMOOTH = 20  # episodes averaged into each point of a curve, as plot does unless told otherwise
 
 
@@ -57,21 +65,28 @@ class RunKind(Kind["RunSettings"]):
         ).columns
 
     def lack(self, schema: Schema, *, part: bool) -> str:
-        needed = ("steps", "reached", "task_digest")
+        names = {column.name for column in schema.columns}
+        # imported curves lack all of what a transfer leaves; `asked` refuses others without it
+        if names & set(CURVES) and not names & {"start", "potential", "seconds"}:
+            return ""
         if part:
-            return (
-                ""
-                if {*needed} <= {column.name for column in schema.columns}
-                else "steps, reached or task_digest"
-            )
+            return "" if names >= {"steps", "reached", "task_digest"} else "steps, reached or task_digest"
         return super().lack(schema, part=part)
+
+    def table_dims(self, schema: Schema, table: str) -> tuple[str, ...]:
+        if self.has_table(schema):
+            return super().table_dims(schema, table)
+        # of imported curves nothing but episodes is there
+        return {"episodes": ("task", "episode"), "targets": ("task",)}.get(table, ())
 
     def asked(self, spec: Spec) -> tuple[str, ...]:
         settings = self.read(spec)
+        if settings.imported:
+            return ()
         tables = ("q",) if settings.keep_q else ()
         # an earlier version kept no steps of evaluations
         evaluated = ("eval_return", "eval_reached") if settings.evaluate_every else ()
-        return (*tables, *evaluated)
+        return (*OF_TRANSFER, *tables, *evaluated)
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         settings = self.read(artefact.spec)
@@ -80,6 +95,10 @@ class RunKind(Kind["RunSettings"]):
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         there = {column.name: column for column in artefact.schema.columns}
+        if self.read(artefact.spec).imported:
+            if not ("return" in there or {"steps", "reached"} <= there.keys()):
+                raise ValueError("it has neither returns nor steps and goals")
+            return imported_run_schema(artefact.schema.sizes["episode"], CURVES).columns
         axes, sizes = {axis.name: axis for axis in artefact.schema.axes}, artefact.schema.sizes
         return run_schema(
             *self.axes(artefact),
@@ -142,12 +161,14 @@ class RunKind(Kind["RunSettings"]):
         ]
         totals = dict.fromkeys(values, 0.0)
         earned, reached, restricted = (np.zeros(artefact.schema.sizes["episode"]) for _ in range(3))
-        columns = ("steps", "reached", *self.told(artefact), *values)
+        there = {column.name for column in artefact.schema.task_columns}
+        columns = (*(name for name in ("steps", "reached") if name in there), *self.told(artefact), *values)
         for block in artefact.blocks(columns, artefact.schema.block_size):
-            arrived = block["reached"].astype(bool)
             earned += returns.earned(block, paid, gamma).sum(axis=0)
-            reached += arrived.sum(axis=0)
-            restricted += returns.restricted_steps(block["steps"], horizon).sum(axis=0)
+            if "reached" in block:
+                reached += block["reached"].astype(bool).sum(axis=0)
+            if "steps" in block:
+                restricted += returns.restricted_steps(block["steps"], horizon).sum(axis=0)
             for name in values:
                 totals[name] += float(block[name].sum())
         targets = artefact.task_count
@@ -160,14 +181,20 @@ class RunKind(Kind["RunSettings"]):
             "average_return": float(curve.mean()),
             "first_10": float(returns.jumpstart(curve)),
             "last_tenth": float(returns.asymptotic(curve)),
-            "success": float(reached.mean() / targets),
-            "restricted_steps": float(restricted.mean() / targets),
+            **({"success": float(reached.mean() / targets)} if "reached" in there else {}),
+            **({"restricted_steps": float(restricted.mean() / targets)} if "steps" in there else {}),
             **{name: total / targets for name, total in totals.items()},
         }
         title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
         return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
 
     def reported(self, told: RunSettings) -> Iterator[Reported]:
+        if told.imported:
+            yield Reported(
+                "Imported curves", {name: own for name, own in told.spec().items() if name != "method"}
+            )
+            yield Reported("Methods", method_reported(told.method))
+            return
         known, given = told.source_set.shared(), told.source_set.given
         yield Reported("Source tasks", {name: known[name] for name in known if name not in given}, 2)
         yield Reported("Fits", {name: known[name] for name in given}, 1)
@@ -197,20 +224,25 @@ class RunKind(Kind["RunSettings"]):
         return ("steps", "reached", "return") if table in ("episodes", "targets") else ()
 
     def derived(self, artefact: Artefact, table: str, block: Mapping[str, Array]) -> dict[str, Array]:
+        import numpy as np
+
         from qinit_cli.analysis import returns
 
         if not self.needed(table):
             return {}
         settings = self.read(artefact.spec)
-        learning, reached = settings.learning, block["reached"].astype(bool)
+        learning = settings.learning
         earned = returns.earned(block, settings.family.payment(learning.gamma), learning.gamma)
+        unknown = np.full(len(earned), np.nan)
         return {
             "return": earned,
             "average_return": returns.average(earned),
             "first_10": returns.jumpstart(earned),
             "last_tenth": returns.asymptotic(earned),
-            "success": reached.mean(axis=1),
-            "restricted_steps": returns.restricted_steps(block["steps"], learning.horizon).mean(axis=1),
+            "success": block["reached"].astype(bool).mean(axis=1) if "reached" in block else unknown,
+            "restricted_steps": returns.restricted_steps(block["steps"], learning.horizon).mean(axis=1)
+            if "steps" in block
+            else unknown,
         }
 
 
@@ -255,9 +287,10 @@ def run_schema(
 
     state = tuple(axis.name for axis in state_axes)
     state_action = (*state, action.name)
+    steps, reached, told = curve_columns()
     columns = [
-        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode", low=1),
-        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal", high=1),
+        steps,
+        reached,
         Column(
             "start",
             _led(start_per_task, state_action),
@@ -270,8 +303,7 @@ def run_schema(
         *parameters,
         *kept(),
     ]
-    if told_returns:  # an episode may leave bounds that are only told
-        told = Column("return", (TASK, "episode"), "f8", long_name="discounted return of the episode")
+    if told_returns:
         columns.append(told)
     if exact_values:
         columns += [
@@ -329,6 +361,27 @@ def run_schema(
         )
         indices += [after, index("hypothesis", hypotheses)]
     return Schema("run", (*state_axes, action, *indices, digest_axis()), within_bounds(columns, bounds))
+
+
+def imported_run_schema(episodes: int, given: Container[str]) -> Schema:
+    """What imported curves hold: of steps, goals and returns those that are `given`."""
+    from qinit_cli.artefacts.columns import index
+    from qinit_store.schema import Schema, digest_axis, digest_column
+
+    columns = [column for column in curve_columns() if column.name in given]
+    return Schema("run", (index("episode", episodes), digest_axis()), (*columns, digest_column()))
+
+
+def curve_columns() -> tuple[Column, ...]:
+    """Steps, goals and returns of each episode."""
+    from qinit_store.schema import TASK, Column
+
+    return (
+        Column("steps", (TASK, "episode"), "i4", "step", "steps of the episode", low=1),
+        Column("reached", (TASK, "episode"), "u1", long_name="the episode reached the goal", high=1),
+        # an episode may leave bounds that are only told
+        Column("return", (TASK, "episode"), "f8", long_name="discounted return of the episode"),
+    )
 
 
 def _weighing() -> tuple[Column, ...]:

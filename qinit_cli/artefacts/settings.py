@@ -14,11 +14,12 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.imported import ImportedTables
 from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
-from qinit_cli.learning import EXACT, IMPORTED, Learning
+from qinit_cli.learning import EXACT, IMPORTED, IMPORTED_CURVES, Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
@@ -39,7 +40,7 @@ ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 ROLES = ("source", "target")
-# stand-ins for settings that tables have none of which were solved for, or learned elsewhere
+# stand-ins for settings that there are none of, where tables were solved for, or learned elsewhere
 WITHOUT_STEPS: dict[str, Any] = {
     "alpha": 0.1,
     "epsilon": 0.0,
@@ -49,10 +50,11 @@ WITHOUT_STEPS: dict[str, Any] = {
     "learner": QLearner(),
     "explore": EpsilonGreedy(),
 }
-# what such tables have; alpha and horizon of exact ones are kept for the transfer that follows
-OF_TABLES: dict[str, dict[str, Any]] = {
+# what there is; alpha and horizon of exact tables are kept for the transfer that follows
+NOT_LEARNED: dict[str, dict[str, Any]] = {
     EXACT: {"alpha": float | str, "gamma": float, "horizon": int},
     IMPORTED: {"gamma": float},
+    IMPORTED_CURVES: {"gamma": float, "episodes": int, "horizon": int},
 }
 SCHEDULED = ("alpha", "epsilon")  # numbers or schedules; these are kept as they are typed
 OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
@@ -272,7 +274,9 @@ class SourcesSettings:
         family = StoredFamily.of(tasks.family)
         learning = tasks.learning
         if tasks.learner == EXACT:
-            stands_in = {name: value for name, value in WITHOUT_STEPS.items() if name not in OF_TABLES[EXACT]}
+            stands_in = {
+                name: value for name, value in WITHOUT_STEPS.items() if name not in NOT_LEARNED[EXACT]
+            }
             learning = dataclasses.replace(learning, **stands_in)
         version = _algorithm(tasks.family)
         return cls(version, family, tasks.learner, learning, tasks.seed, count, tasks.role)
@@ -413,6 +417,13 @@ class SourceSet:
         )
 
     @classmethod
+    def unknown(cls, family: StoredFamily, learning: Learning) -> Self:
+        """The one set that all imported curves of a distribution count as started from."""
+        from qinit_store.spec import spec_sha256
+
+        return cls(spec_sha256(family.spec()), family, IMPORTED, learning, 1, FitOptions(), ())
+
+    @classmethod
     def read(cls, told: Any) -> Self:
         """ValueError, in one clause, for the first setting that cannot be."""
         drawn = {"sources": str, "family": dict, "learner": str, "learning": dict, "tasks": int}
@@ -479,14 +490,28 @@ class RunSettings:
     @classmethod
     def read(cls, spec: Spec) -> Self:
         """ValueError, in one clause, for the first setting that cannot be."""
-        needed = OF_TARGETS | {"source_set": dict}
-        more = {"keep_q": bool, "evaluate_every": int}
+        imported = _object(spec.get("family"), "the family").get("name") == ImportedTables.name
+        needed = OF_TARGETS | ({} if imported else {"source_set": dict})
+        more = {} if imported else {"keep_q": bool, "evaluate_every": int}
         told = _of(_beside_kind(cls.kind, spec), "the settings", needed, more)
         _at_least(told, evaluate_every=0)
-        return cls(**_read_targets(told) | {"source_set": SourceSet.read(told["source_set"])})
+        found = _read_targets(told, learner=IMPORTED_CURVES if imported else "")
+        there = (
+            SourceSet.unknown(found["family"], found["learning"])
+            if imported
+            else SourceSet.read(told["source_set"])
+        )
+        return cls(**found | {"source_set": there})
+
+    @property
+    def imported(self) -> bool:
+        """Whether the curves come from elsewhere: start, sources and how the targets were learned are unknown."""
+        return self.family.name == ImportedTables.name
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps them."""
+        if self.imported:
+            return _targets_spec(self, IMPORTED_CURVES)
         return {
             **_targets_spec(self),
             "source_set": self.source_set.spec(),
@@ -621,11 +646,11 @@ def _of_targets(method: Method, targets: TargetTasks) -> dict[str, Any]:
     }
 
 
-def _read_targets(told: Spec, tuned: Iterable[str] = ()) -> dict[str, Any]:
+def _read_targets(told: Spec, tuned: Iterable[str] = (), learner: str = "") -> dict[str, Any]:
     """The fields of a run or a tuning; ValueError where what both have in common cannot be."""
     found = {
         "family": StoredFamily.read(told["family"]),
-        "learning": _learning(told["learning"]),
+        "learning": _learning(told["learning"], learner),
         "content": _content(told),
     }
     _counted(told)
@@ -633,14 +658,14 @@ def _read_targets(told: Spec, tuned: Iterable[str] = ()) -> dict[str, Any]:
     return {name: value for name, value in told.items() if name != "inputs"} | found
 
 
-def _targets_spec(settings: RunSettings | TuningSettings) -> dict[str, Any]:
+def _targets_spec(settings: RunSettings | TuningSettings, learner: str = "") -> dict[str, Any]:
     """What runs and tunings have in common, as the store keeps it."""
     return {
         "kind": settings.kind,
         "algorithm_version": settings.algorithm_version,
         "method": settings.method.spec(),
         "family": settings.family.spec(),
-        "learning": plain_learning(settings.learning),
+        "learning": plain_learning(settings.learning, learner),
         "seed": settings.seed,
         "tasks": settings.tasks,
         "inputs": [settings.content],
@@ -658,8 +683,11 @@ def plain_learning(learning: Learning, learner: str = "") -> dict[str, Any]:
     """
     told = {one.name: getattr(learning, one.name) for one in dataclasses.fields(Learning)}
     told |= {name: str(told[name]) for name in SCHEDULED if isinstance(told[name], Schedule)}
-    if learner in OF_TABLES:
-        return {name: told[name] for name in OF_TABLES[learner]}
+    if learner in NOT_LEARNED:
+        kept = {name: told[name] for name in NOT_LEARNED[learner]}
+        if learner == IMPORTED_CURVES and kept["horizon"] == WITHOUT_STEPS["horizon"]:
+            del kept["horizon"]  # unknown, as the steps are
+        return kept
     for name, usual in (("learner", QLearner()), ("explore", EpsilonGreedy())):
         one = told.pop(name)
         if one != usual:
@@ -684,17 +712,19 @@ def _beside_kind(kind: str, spec: Spec) -> dict[str, Any]:
 def _learning(told: Any, learner: str = "") -> Learning:
     """How tasks are learned, by the `learner` of this name if one is given; ValueError where that cannot be."""
     settings = dict(_object(told, "learning"))
-    if learner in OF_TABLES:
-        settings = WITHOUT_STEPS | _of(settings, "learning", OF_TABLES[learner])
+    if learner in NOT_LEARNED:
+        more = {"horizon": int} if learner == IMPORTED_CURVES else {}
+        needed = {name: kind for name, kind in NOT_LEARNED[learner].items() if name not in more}
+        settings = WITHOUT_STEPS | _of(settings, "learning", needed, more)
     for name in SCHEDULED:
         if isinstance(text := settings.get(name), str):
             settings[name] = _schedule(name, text)
     readers: dict[str, Callable[[Any], Any]] = {"learner": _learner, "explore": _exploration}
     for name, reader in readers.items():
-        if name in settings and learner not in OF_TABLES:
+        if name in settings and learner not in NOT_LEARNED:
             settings[name] = reader(settings[name])
     found = _built(Learning, settings, "learning")
-    if learner not in ("", *OF_TABLES, found.learner.name):
+    if learner not in ("", *NOT_LEARNED, found.learner.name):
         raise ValueError(f"the learner is {learner!r}, and learning is by {found.learner.name}")
     return found
 

@@ -14,7 +14,8 @@ from qinit_cli.options import check, option
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
-    from qinit_cli.comparison.rows import GroupComparison
+    from qinit_cli.learning import IMPORTED
+from qinit_cli.comparison.rows import GroupComparison
 
 
 @dataclass(frozen=True)
@@ -103,14 +104,12 @@ def compare(
 
 def _say_what_is_missing(comparison: GroupComparison, comparing: Comparing, display: Display) -> None:
     """The commands that make the runs which differences and regret are counted from."""
-    baseline = comparing.baseline
+    baseline, imported = comparing.baseline, comparison.rows[0].remark == IMPORTED
     if comparison.baseline is None:
-        note(
-            display,
-            f"{comparison.title}: no run of {baseline}, so no differences; "
-            f"{shell_line('qinit', 'transfer', baseline, 'FIT')} makes one",
-        )
-    if comparison.rows[0].regret is None:
+        line = shell_line("qinit", "transfer", baseline, "FIT")
+        remedy = "name another with --baseline" if imported else f"{line} makes one"
+        note(display, f"{comparison.title}: no run of {baseline}, so no differences; {remedy}")
+    if comparison.rows[0].regret is None and not imported:
         needing = "regret needs" if comparing.greedy else "regret and time to threshold need"
         note(
             display,

@@ -14,7 +14,7 @@ from qinit_store.wording import printable
 if TYPE_CHECKING:
     from qinit_cli.comparison.rows import GroupComparison
 
-MARKS = {"privileged": "†", "reconstruction": "‡"}  # at a method's name, for people
+MARKS = {"privileged": "†", "reconstruction": "‡", "imported": "§"}  # at a method's name, for people
 NAMED = ("targets", "sets", "method")  # what a row is of
 UNREMARKED = ("negative_transfer", "remark")  # stand beneath the table for people
 

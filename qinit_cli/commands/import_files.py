@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import typer
 
 from qinit_cli.commands.option_groups import DISPLAY, OUTPUT, Display, Group, Output
 from qinit_cli.commands.typer_commands import Reference, add_command
+from qinit_cli.errors import UsageError
 from qinit_cli.importing.asked import ImportedFiles
 from qinit_store.wording import counted
+
+if TYPE_CHECKING:
+    from qinit_cli.pipeline.job import Tally
+
+SCHEMA = "qinit.import/1"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -20,32 +29,40 @@ def add_to(app: typer.Typer) -> None:
         references=(
             Reference(
                 "files",
-                "Files: npy, npz, HDF5 (FILE.h5:/PATH), csv, tsv or parquet; (N, *states, A), or a file for each task.",
+                "npy, npz, HDF5 (FILE.h5:/PATH), csv, tsv or parquet: (N, *states, A), or a file for each task.",
                 several=True,
             ),
         ),
-        help="Import tables of action values that another program learned, as sources; prints the path.",
+        help="Import what another program learned: action values as sources, curves as runs; prints the path.",
     )
 
 
 def import_files(files: list[str], asked: ImportedFiles, output: Output, display: Display) -> None:
-    """Imports the files, publishes the sources and prints their path."""
+    """Imports the files, publishes sources or runs and prints their paths."""
     from qinit_cli.commands.console import Printed
     from qinit_cli.commands.results import say_result
+    from qinit_cli.importing.runs import import_runs
     from qinit_cli.importing.tables import make_import
 
+    if output.dry_run:
+        raise UsageError("an import has no trial to judge by; leave out --dry-run")
+    if asked.runs:
+        for file in files:
+            for method, made in import_runs(Path(file), asked, output.keeping):
+                say_result(made, SCHEMA, _of_curves(method, made.tally), output, display)
+        return
     made = make_import(files, asked, output.keeping, Printed(display))
-    say_result(
-        made, "qinit.import/1", _sentence(made.tally.tasks, made.tally.extra, len(files)), output, display
-    )
+    say_result(made, SCHEMA, _of_tables(made.tally, len(files)), output, display)
 
 
-def _sentence(tasks: int, extra: dict[str, int], files: int) -> str:
-    if "unknown" not in extra:
-        return f"{counted(tasks, 'table')}: already complete"
-    told = f"{counted(tasks, 'table')} imported from {counted(files, 'file')}"
-    return (
-        f"{told}; {counted(extra['unknown'], 'entry', 'entries')} without a value are unknown"
-        if extra["unknown"]
-        else told
-    )
+def _of_curves(method: str, tally: Tally) -> str:
+    done = "already complete" if tally.skipped else "imported"
+    return f"{method}: {counted(tally.tasks, 'learning curve')} {done}"
+
+
+def _of_tables(tally: Tally, files: int) -> str:
+    if tally.skipped:
+        return f"{counted(tally.tasks, 'table')} already complete"
+    told = f"{counted(tally.tasks, 'table')} imported from {counted(files, 'file')}"
+    unknown = tally.extra["unknown"]
+    return f"{told}; {counted(unknown, 'entry', 'entries')} without a value: unknown" if unknown else told

@@ -116,7 +116,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 def _states(artefact: Artefact) -> list[Axis]:
     """The state axes of its table; none where it has no table."""
     kind = KINDS[artefact.kind]
-    return list(kind.axes(artefact)[0]) if kind.table else []
+    return list(kind.axes(artefact)[0]) if kind.has_table(artefact.schema) else []
 
 
 def _label(value: Any) -> Any:

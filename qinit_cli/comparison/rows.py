@@ -19,6 +19,7 @@ from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.scores import Metric, Scores, attainable, scores
 from qinit_cli.comparison.source_sets import Entry, RunGroup, grouped, told_of_groups
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.learning import IMPORTED
 from qinit_cli.methods import METHODS
 from qinit_store.wording import noun
 
@@ -70,8 +71,10 @@ def compare(runs: Sequence[ComparedRun], baseline: str, metric: Metric) -> list[
     return comparisons
 
 
-def remark(method: str) -> str:
-    """What a reader of a table must know of the method."""
+def remark(method: str, *, imported: bool = False) -> str:
+    """What a reader of a table must know of the method, or of its curves that were `imported`."""
+    if imported:
+        return IMPORTED
     kind = METHODS.get(method)
     if kind is None:
         return "not installed here"
@@ -203,7 +206,7 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
         label=entry.label,
         method=entry.method,
         plus=entry.plus,
-        remark=remark(entry.method),
+        remark=remark(entry.method, imported=entry.runs[0].settings.imported),
         sets=len(entry.runs),
         negative_transfer=None
         if base is None or _transfers(base.method)

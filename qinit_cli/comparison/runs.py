@@ -43,8 +43,8 @@ class ComparedRun:
     method: str
     label: str  # the method, with what it starts from
     settings: RunSettings
-    steps: NDArray[np.int32]  # (T, E)
-    reached: Flags  # (T, E)
+    steps: NDArray[Any]  # (T, E), NaN where they are unknown, as those of imported curves may be
+    reached: NDArray[Any]  # (T, E) likewise
     attainable: Floats | None  # (T,) exact value of what learning comes to; None where it is unknown
     v_star: Floats | None  # (T,) exact value of Q* from the start; None likewise
     evaluation_steps: (
@@ -145,16 +145,17 @@ class ComparedRun:
         there = names.intersection(("v_eps", "v_star", "eval_steps", "eval_reached", "return"))
         if "return" in there and settings.evaluate_every:
             there.add("eval_return")
-        wanted = ("steps", "reached", *parameters, *there)
-        rows = artefact.columns(wanted)
+        there |= names.intersection(("steps", "reached"))
+        rows = artefact.columns((*parameters, *there))
+        unknown = np.full((artefact.task_count, artefact.schema.sizes["episode"]), np.nan)
         drawn = (artefact.tasks, *(rows[name] for name in parameters))
         return cls(
             name=artefact.path.stem,
             method=settings.method.name,
             label=settings.method.label,
             settings=settings,
-            steps=rows["steps"],
-            reached=rows["reached"].astype(bool),
+            steps=rows.get("steps", unknown),
+            reached=rows["reached"].astype(bool) if "reached" in rows else unknown,
             attainable=_known(rows.get("v_eps")),
             v_star=rows.get("v_star"),
             evaluation_steps=rows.get("eval_steps"),

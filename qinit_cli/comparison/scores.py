@@ -10,6 +10,7 @@ import numpy as np
 
 from qinit_cli.comparison.runs import ComparedRun
 from qinit_cli.comparison.source_sets import RunGroup
+from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import METHODS
 
 if TYPE_CHECKING:
@@ -48,6 +49,10 @@ def scores(run: ComparedRun, metric: Metric, possible: Floats | None) -> Scores:
 
     earned = curve(run, "return")
     values = earned if metric == "return" else curve(run, metric)
+    if np.isnan(values).any():
+        raise NotAllowed(
+            f"{metric} of {run.name} is unknown: it was imported without; compare by --metric return"
+        )
     greedy = run.unit == "evaluations"
     first = FIRST_EVALUATIONS if greedy else returns.JUMPSTART_EPISODES
     return Scores(

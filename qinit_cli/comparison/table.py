@@ -45,8 +45,8 @@ def _values(row: Row, metric: str) -> dict[str, Any]:
         "method": row.label,
         "sets": row.sets,
         "p": row.p,
-        "success": row.success,
-        "restricted_steps": row.steps,
+        "success": _known(row.success),
+        "restricted_steps": _known(row.steps),
         "censored": None if threshold is None else threshold.censored,
         "negative_transfer": row.negative_transfer,
         "remark": row.remark,
@@ -63,6 +63,10 @@ def _values(row: Row, metric: str) -> dict[str, Any]:
             "restricted_mean_time_to_threshold", None if threshold is None else threshold.restricted_mean
         ),
     }
+
+
+def _known(number: float) -> float | None:
+    return None if math.isnan(number) else number
 
 
 def _bounds(key: str, estimate: Estimate | None) -> dict[str, float | None]:

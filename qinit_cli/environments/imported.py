@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Never, Self
 
 from qinit_cli.environments.bases import NeutralFamily
 from qinit_cli.errors import NotAllowed
+from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import Payment, ReturnBounds
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Tasks
     from qinit_store.schema import Axis, Column
 
+REMEDY = "take a start table to your own agent with qinit start METHOD FIT -o start.npz"
+NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 EACH = ":"  # between the coordinates of an axis
 
 
@@ -40,7 +44,7 @@ class ImportedTables(NeutralFamily):
         for name in ("states", "moves"):
             given = getattr(self, name)
             object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
-        if not (self.states and self.moves):
+        if bool(self.states) != bool(self.moves):
             raise ValueError("imported tables have at least one state axis and one action")
         if len(set(self.moves)) < len(self.moves):
             raise ValueError(f"the actions {', '.join(self.moves)} are not distinct")
@@ -53,7 +57,7 @@ class ImportedTables(NeutralFamily):
     @property
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
-        return f"{self.name}-{self.title}"
+        return f"{self.name}-{NO_NAME.sub('-', self.title)}".rstrip("-.")
 
     @property
     def untabled(self) -> str:
@@ -78,8 +82,12 @@ class ImportedTables(NeutralFamily):
         return None if self.returns is None else Payment(ReturnBounds.read(self.returns), None, 0.0)
 
     def shifted(self, changes: dict[str, Any]) -> Self:
-        """NotAllowed: there is no environment to change."""
-        self._refuse()
+        """ValueError: there is no environment to change."""
+        raise ValueError(f"{self.untabled}; {REMEDY}")
+
+    def refusal(self, learning: Learning) -> str:
+        """Why no task can be learned."""
+        return f"{self.untabled}; {REMEDY}"
 
     def parameters(self) -> tuple[Column, ...]:
         """Nothing: what the tasks were drawn as is unknown."""
@@ -108,9 +116,7 @@ class ImportedTables(NeutralFamily):
         return np.ones(len(tasks), np.bool_)
 
     def _refuse(self) -> Never:
-        raise NotAllowed(
-            f"{self.untabled}; take a start table to your own agent with qinit start METHOD FIT -o start.npz"
-        )
+        raise NotAllowed(f"{self.untabled}; {REMEDY}")
 
 
 def axis_text(name: str, values: Sequence[float]) -> str:

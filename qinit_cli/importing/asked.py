@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-from qinit_cli.options import check, option
+from qinit_cli.options import check, flag, option
 from qinit_cli.rewards import ReturnBounds
 
 LEAST_VISITS = 1  # below which a pair is unknown, where visits are known
 
 
+OF_TABLES = ("axes", "actions", "key", "visits", "td_var", "min_visits")  # options that curves have none of
+
+
 @dataclass(frozen=True)
 class ImportedFiles:
-    """How the arrays or rows of other programs' files are read as tables of action values."""
+    """How the files of other programs are read: arrays or rows of action values, or rows of learning curves."""
 
     gamma: float | None = option(
-        None, "Discount that the tables were learned with.", above=0, high=1, default_text="must be given"
+        None,
+        "Discount that was learned with.",
+        above=0,
+        high=1,
+        default_text="must be given; 1 for --runs with returns",
     )
     axes: str | None = option(
         None,
@@ -29,7 +36,9 @@ class ImportedFiles:
     returns: str | None = option(
         None, "The least and the largest discounted return.", metavar="LOW:HIGH", default_text="0:1"
     )
-    key: str = option("q", "Array or column of the action values; the only array may have any name.")
+    key: str = option(
+        "q", "Array or column of the action values; an array that stands alone may have any name."
+    )
     visits: str = option(
         "visits", "Array or column of the updates of each pair, if there is one.", seldom=True
     )
@@ -41,21 +50,49 @@ class ImportedFiles:
     min_visits: int = option(
         LEAST_VISITS, "A pair updated less often is unknown, where visits are known.", low=0, metavar="N"
     )
-    name: str = option("tables", "What the distribution is called, in names and pictures.")
+    name: str | None = option(
+        None,
+        "What the distribution is called, in names and pictures; curves of one name are of the same tasks.",
+        default_text="tables, or runs",
+    )
+    runs: bool = option(
+        False,
+        "Import learning curves, a run for each method: rows of task, episode, method, and return or steps and reached.",
+        panel="Curves",
+    )
+    horizon: int | None = option(
+        None,
+        "Steps after which an episode was cut off.",
+        low=1,
+        default_text="the longest episode",
+        panel="Curves",
+    )
 
     def __post_init__(self) -> None:
         check(self)
-        if self.gamma is None:
+        usual = {one.name: one.default for one in fields(self)}
+        idle = [
+            name for name in (OF_TABLES if self.runs else ("horizon",)) if getattr(self, name) != usual[name]
+        ]
+        if idle:
+            of = "curves" if self.runs else "tables"
+            raise ValueError(
+                f"{flag(idle[0])} is no option of {of}; leave it out{'' if self.runs else ', or give --runs'}"
+            )
+        if self.gamma is None and not self.runs:
             raise ValueError("--gamma is missing: the discount that the tables were learned with")
         if self.returns is not None:
             ReturnBounds.read(self.returns)
         for name in ("axes", "actions"):
             if (given := getattr(self, name)) is not None and not all(map(str.strip, given.split(","))):
-                raise ValueError(f"--{name} {given!r} has an empty name")
+                raise ValueError(f"{flag(name)} {given!r} has an empty name")
 
     @property
     def discount(self) -> float:
-        """gamma, which is there."""
-        if self.gamma is None:
-            raise ValueError("gamma is missing")
-        return self.gamma
+        """The discount; 1 where returns came without one."""
+        return 1.0 if self.gamma is None else self.gamma
+
+    @property
+    def title(self) -> str:
+        """What the distribution is called."""
+        return self.name or ("runs" if self.runs else "tables")

@@ -67,7 +67,7 @@ class RowFile:
         found = Scan(coordinates={name: set() for name in self.axes})
         for place, chunk in self._numbered():
             for name in self.axes:
-                found.coordinates[name].update(np.unique(self._numbers(chunk, name)).tolist())
+                found.coordinates[name].update(np.unique(numbers(self.path, chunk, name)).tolist())
             found.actions.update(dict.fromkeys(map(str, np.unique(chunk[ACTION]).tolist())))
             found.tasks = int(place[-1]) + 1
         return found
@@ -90,7 +90,7 @@ class RowFile:
             if taken.sum() < len(cell) or not np.isnan(held["q"].reshape(-1)[cell]).all():
                 raise NotAllowed(f"{self.path} has two rows for one task, state and action")
             for role, name in self.columns.items():
-                held[role].reshape(-1)[cell] = self._numbers(chunk, name)
+                held[role].reshape(-1)[cell] = numbers(self.path, chunk, name)
             while last - 1 - first >= rows:  # the last task may go on
                 yield {role: values[:rows] for role, values in held.items()}
                 held = {role: values[rows:] for role, values in held.items()}
@@ -124,17 +124,8 @@ class RowFile:
             yield count - 1 + np.cumsum(new), chunk
             last, count = str(tasks[-1]), count + int(new.sum())
 
-    def _numbers(self, chunk: Columns, name: str) -> Any:
-        values = chunk[name]
-        try:
-            return values.astype(np.float64)
-        except ValueError as error:
-            raise NotAllowed(
-                f"column {name} of {self.path} has a value that is no number: {error}"
-            ) from error
-
     def _places(self, chunk: Columns, name: str, places: Mapping[float, int]) -> Any:
-        values, back = np.unique(self._numbers(chunk, name), return_inverse=True)
+        values, back = np.unique(numbers(self.path, chunk, name), return_inverse=True)
         if unknown := [value for value in values.tolist() if value not in places]:
             raise NotAllowed(
                 f"column {name} of {self.path} has the value {unknown[0]:g}, which is no place of the axis --axes gives"
@@ -149,6 +140,14 @@ class RowFile:
                 f"{self.path} has the action {unknown[0]}, which is none of {', '.join(dict.fromkeys(actions))}"
             )
         return np.array([actions[name] for name in names])[back]
+
+
+def numbers(path: Path, chunk: Columns, name: str) -> Any:
+    """A column as numbers; NotAllowed where a value is none."""
+    try:
+        return chunk[name].astype(np.float64)
+    except ValueError as error:
+        raise NotAllowed(f"column {name} of {path} has a value that is no number: {error}") from error
 
 
 def chunks(path: Path, rows: int) -> Iterator[Columns]:

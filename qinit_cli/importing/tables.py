@@ -27,6 +27,7 @@ from qinit_cli.importing.arrays import (
     stored_arrays,
 )
 from qinit_cli.importing.asked import ImportedFiles
+from qinit_cli.importing.files import file_digest
 from qinit_cli.importing.rows import ROWS, RowFile
 from qinit_cli.learning import IMPORTED, Learning
 from qinit_cli.pipeline.job import Made, Tally, made
@@ -187,7 +188,7 @@ def import_of(given: Sequence[Given], asked: ImportedFiles) -> Import:
 
 def _family(asked: ImportedFiles, states: Sequence[str], moves: Sequence[str]) -> ImportedTables:
     try:
-        return ImportedTables(asked.name, list(states), list(moves), asked.returns)
+        return ImportedTables(asked.title, list(states), list(moves), asked.returns)
     except ValueError as error:
         raise UsageError(str(error)) from error
 
@@ -208,7 +209,7 @@ def _arrays(given: Given, asked: ImportedFiles) -> tuple[str, str, dict[str, Sto
         raise UsageError(
             f"{path} ends in {path.suffix or 'nothing'}; files end in {', '.join((*ARRAYS, *ROWS))}"
         )
-    digest = _digest(path)
+    digest = file_digest(path)
     found = stored_arrays(path, inner, wanted)
     return str(given), digest, found
 
@@ -240,16 +241,6 @@ def _split(text: str) -> tuple[Path, str]:
     if colon and not Path(text).exists() and Path(path).suffix.lower() in HDF5:
         return Path(path), inner
     return Path(text), ""
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError as error:
-        raise UsageError(f"there is no file {path}") from error
-    except IsADirectoryError as error:
-        raise UsageError(f"{path} is a folder; name the files in it") from error
 
 
 def _digest_of(arrays: Mapping[str, StoredArray]) -> str:
@@ -318,7 +309,7 @@ def _axes_asked(text: str) -> tuple[list[str], tuple[int, ...]]:
 def _of_rows(paths: Sequence[Path], asked: ImportedFiles) -> tuple[list[str], list[str], list[Tables]]:
     """State axes, actions and tables, all files being of one layout: the coordinates and actions that any of them has."""
     wanted = {"q": asked.key, "visits": asked.visits, "td_var": asked.td_var}
-    digests = [_digest(path) for path in paths]
+    digests = [file_digest(path) for path in paths]
     named = None if asked.axes is None else _axes_asked(asked.axes)
     files = [RowFile.of(path, wanted, None if named is None else named[0]) for path in paths]
     if other := [file for file in files if file.axes != files[0].axes]:

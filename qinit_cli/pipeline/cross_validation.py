@@ -23,7 +23,7 @@ from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
-from qinit_cli.pipeline.sources import by_learner, in_names
+from qinit_cli.pipeline.sources import by_learner, check_learned, in_names
 from qinit_cli.pipeline.transfer import check_together, learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
 from qinit_cli.tasks import VALIDATION, TargetTasks
@@ -96,6 +96,7 @@ def cross_validation_of(
     """The learner, with a fit of all other sources for each fold."""
     family, fitting, settings = family_in(source), FitOptions(), SourcesSettings.read(source.spec)
     learning = validating.learning(family, settings.learning)
+    check_learned(family, learning)
     check_together(tried[0], learning.learner)
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:

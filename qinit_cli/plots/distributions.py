@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.comparison.distinctions import above_words, distinctions
+from qinit_cli.errors import NotAllowed
 from qinit_cli.plots.names import distribution
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def distributions(paths: Sequence[Path], columns: Sequence[str], read: Read) -> 
     for path in paths:
         with open_artefact(path, "sources") as artefact:
             settings = SourcesSettings.read(artefact.spec)
+            if settings.imported and "eopl" in columns:
+                raise NotAllowed(f"path lengths of the imported tables in {artefact.path} are unknown")
             key = canonical_json(settings.choice().spec())
             one = found.setdefault(key, Distribution(family_in(artefact), settings, [], [], 0))
             before = sum(map(len, one.tasks))
@@ -89,10 +92,10 @@ def learned_otherwise(found: Sequence[Distribution], names: Sequence[str]) -> li
 
 
 def _learned(settings: SourcesSettings) -> dict[str, Any]:
-    from qinit_cli.artefacts.settings import OF_TABLES
+    from qinit_cli.artefacts.settings import NOT_LEARNED
 
     of_learning = [one.name for one in fields(settings.learning)]
-    told = OF_TABLES.get(settings.learner, of_learning)
+    told = NOT_LEARNED.get(settings.learner, of_learning)
     return {"learner": settings.learner} | {name: getattr(settings.learning, name) for name in told}
 
 

@@ -84,8 +84,11 @@ class EoplPlot(Plot):
 
     @classmethod
     def in_report(cls, contents: Contents) -> Iterator[Planned]:
-        """A picture of all sources of the same states."""
-        for same in alike(contents.kinds["sources"], states).values():
+        """A picture of all sources of the same states whose path lengths are known."""
+        learned = {
+            path: told for path, told in contents.kinds["sources"].items() if not told["settings"].imported
+        }
+        for same in alike(learned, states).values():
             yield Planned(CAPTION, "", partial(cls().drawn, same))
 
 
