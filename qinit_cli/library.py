@@ -37,6 +37,9 @@ from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fitted import FitOptions
+from qinit_cli.importing import runs as imported_curves
+from qinit_cli.importing import tables as importing
+from qinit_cli.importing.asked import LEAST_VISITS, ImportedFiles
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import Exploration
 from qinit_cli.methods import METHODS, Method
@@ -303,6 +306,71 @@ def train_sources(
     wanted = source_tasks.tasks_of(family, asked)
     plan = source_tasks.plan_of(wanted, asked.tasks or family.source_tasks)
     return Sources(_made(plan, _keeping(store, output, words), jobs, reporter).source)
+
+
+def import_tables(
+    tables: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Floats | Mapping[str, Any],
+    *,
+    gamma: float,
+    axes: str | None = None,
+    actions: str | None = None,
+    returns: str | None = None,
+    key: str = "q",
+    visits: str = "visits",
+    td_var: str = "td_var",
+    min_visits: int = LEAST_VISITS,
+    name: str | None = None,
+    store: Where = None,
+    output: Where = None,
+    reporter: Reporter = SILENT,
+) -> Sources:
+    """Tables that another program learned, as sources (`qinit import`): files, an array (N, *states, A), or arrays by name.
+
+    Arrays are given as `q`, `visits` and `td_var`, of one shape; NaN is a pair that is unknown. UsageError for a layout that
+    does not fit `axes` ("row=30,col=30") and `actions`; NotAllowed for values outside `returns` ("-100:0"; None: 0 to 1).
+
+    >>> import numpy as np, qinit_cli as qinit
+    >>> sources = qinit.import_tables(np.random.default_rng(0).random((3, 5, 5, 4)), gamma=0.95)
+    >>> qinit.fit(sources).start("mean").shape
+    (5, 5, 4)
+    """
+    asked = _asked(
+        ImportedFiles,
+        gamma=gamma,
+        axes=axes,
+        actions=actions,
+        returns=returns,
+        key=key,
+        visits=visits,
+        td_var=td_var,
+        min_visits=min_visits,
+        name=name,
+    )
+    given = list(tables) if isinstance(tables, Sequence) and not isinstance(tables, str) else [tables]
+    words = ("import", *(str(one) if isinstance(one, str | os.PathLike) else "ARRAY" for one in given))
+    keeping = _keeping(store, output, (*words, *option_words(asked)))
+    return Sources(importing.make_import(given, asked, keeping, reporter).source)
+
+
+def import_runs(
+    file: str | os.PathLike[str],
+    *,
+    gamma: float | None = None,
+    returns: str | None = None,
+    name: str | None = None,
+    horizon: int | None = None,
+    store: Where = None,
+    output: Where = None,
+) -> list[Run]:
+    """The learning curves of other agents, a run for each method in the file (`qinit import --runs`).
+
+    Rows of task, episode, method (one is left out), and return, or steps and reached with the discount `gamma`. UsageError where
+    a column is missing, NotAllowed where a task lacks an episode.
+    """
+    asked = _asked(ImportedFiles, gamma=gamma, returns=returns, name=name, runs=True, horizon=horizon)
+    words = ("import", os.fspath(file), *option_words(asked))
+    made = imported_curves.import_runs(Path(file), asked, _keeping(store, output, words))
+    return [Run(one.source) for _, one in made]
 
 
 def fit(

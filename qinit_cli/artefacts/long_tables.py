@@ -113,7 +113,7 @@ def _blocks(
     """Whole datasets where none has a task axis, else blocks of tasks, each with the number of its first row."""
     statics = {column.name: artefact.read(column.name) for column in columns if not column.per_task}
     names = [column.name for column in columns if column.per_task]
-    if not names:
+    if "task" not in KINDS[artefact.kind].table_dims(artefact.schema, table) and not names:
         yield 0, statics
         return
     there = {column.name for column in artefact.schema.columns}

@@ -10,12 +10,12 @@ import typer
 from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
 from qinit_cli.commands.typer_commands import Reference, add_command
+from qinit_cli.learning import IMPORTED
 from qinit_cli.options import check, option
 from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
-    from qinit_cli.learning import IMPORTED
-from qinit_cli.comparison.rows import GroupComparison
+    from qinit_cli.comparison.rows import GroupComparison
 
 
 @dataclass(frozen=True)

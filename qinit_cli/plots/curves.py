@@ -158,7 +158,8 @@ def _curve(entry: Entry, group: RunGroup, metric: Metric, smooth: int, addition:
     curves = [returns.smoothed(curve(run, metric), smooth) for run in entry.runs]
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))
     values = np.stack([each[:, shown] for each in curves])
-    label = marked(entry.label, entry.method) + addition
+    imported = entry.runs[0].settings.imported
+    label = marked(entry.label, entry.method, imported=imported) + addition
     return Curve(label, shown + 1, _band(values, group), entry.method, entry.plus)
 
 
