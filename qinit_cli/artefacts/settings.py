@@ -490,10 +490,11 @@ class RunSettings:
     @classmethod
     def read(cls, spec: Spec) -> Self:
         """ValueError, in one clause, for the first setting that cannot be."""
-        imported = _object(spec.get("family"), "the family").get("name") == ImportedTables.name
+        told = _beside_kind(cls.kind, spec)
+        imported = _object(told.get("family"), "the family").get("name") == ImportedTables.name
         needed = OF_TARGETS | ({} if imported else {"source_set": dict})
         more = {} if imported else {"keep_q": bool, "evaluate_every": int}
-        told = _of(_beside_kind(cls.kind, spec), "the settings", needed, more)
+        told = _of(told, "the settings", needed, more)
         _at_least(told, evaluate_every=0)
         found = _read_targets(told, learner=IMPORTED_CURVES if imported else "")
         there = (
