@@ -6,7 +6,7 @@ The first pass finds tasks, coordinates and actions; the second fills blocks of 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -18,10 +18,10 @@ from qinit_cli.artefacts.formats import pyarrow
 from qinit_cli.errors import NotAllowed, UsageError
 
 ROWS = (".csv", ".tsv", ".parquet")
-AT_ONCE = 65_536  # rows of a file
+AT_ONCE = 8_192  # rows of a file; more, as lists of texts, cost twice as much in garbage collection
 TASK, ACTION = "task", "action"
 
-Columns = dict[str, Any]  # name: (n,) texts, or numbers
+Columns = dict[str, Any]  # name: a list of n texts, or (n,) numbers
 
 
 @dataclass
@@ -67,8 +67,8 @@ class RowFile:
         found = Scan(coordinates={name: set() for name in self.axes})
         for place, chunk in self._numbered():
             for name in self.axes:
-                found.coordinates[name].update(np.unique(numbers(self.path, chunk, name)).tolist())
-            found.actions.update(dict.fromkeys(map(str, np.unique(chunk[ACTION]).tolist())))
+                found.coordinates[name].update(map(_number_in(self.path, name), _distinct(chunk[name])))
+            found.actions.update(dict.fromkeys(map(str, sorted(_distinct(chunk[ACTION])))))
             found.tasks = int(place[-1]) + 1
         return found
 
@@ -77,7 +77,7 @@ class RowFile:
     ) -> Iterator[dict[str, Any]]:
         """The tables of so many tasks at a time, (n, *states, A) by role; a pair without a row is NaN, its visits 0."""
         shape = (*(len(coordinates[name]) for name in self.axes), 1 + max(actions.values()))
-        places = {name: {value: at for at, value in enumerate(coordinates[name])} for name in self.axes}
+        places = {name: np.array(coordinates[name], np.float64) for name in self.axes}
         first, held = 0, self._empty(0, shape)
         for place, chunk in self._numbered():
             last = int(place[-1]) + 1
@@ -110,10 +110,10 @@ class RowFile:
         seen: set[str] = set()
         last, count = None, 0
         for chunk in chunks(self.path, AT_ONCE):
-            tasks = chunk.get(TASK) if self.has_tasks else None
-            if tasks is None:
+            if not self.has_tasks:
                 yield np.zeros(len(chunk[ACTION]), np.int64), chunk
                 continue
+            tasks = np.asarray(chunk[TASK])
             new = np.concatenate([[str(tasks[0]) != last], tasks[1:] != tasks[:-1]])
             for name in map(str, tasks[new].tolist()):
                 if name in seen:
@@ -124,29 +124,47 @@ class RowFile:
             yield count - 1 + np.cumsum(new), chunk
             last, count = str(tasks[-1]), count + int(new.sum())
 
-    def _places(self, chunk: Columns, name: str, places: Mapping[float, int]) -> Any:
-        values, back = np.unique(numbers(self.path, chunk, name), return_inverse=True)
-        if unknown := [value for value in values.tolist() if value not in places]:
+    def _places(self, chunk: Columns, name: str, coordinates: Any) -> Any:
+        values = numbers(self.path, chunk, name)
+        places = np.searchsorted(coordinates, values).clip(max=len(coordinates) - 1)
+        if (other := coordinates[places] != values).any():
             raise NotAllowed(
-                f"column {name} of {self.path} has the value {unknown[0]:g}, which is no place of the axis --axes gives"
+                f"column {name} of {self.path} has the value {values[other][0]:g}, which is no place of that axis"
             )
-        return np.array([places[value] for value in values.tolist()])[back]
+        return places
 
     def _actions(self, chunk: Columns, actions: Mapping[str, int]) -> Any:
-        values, back = np.unique(chunk[ACTION], return_inverse=True)
-        names = list(map(str, values.tolist()))
-        if unknown := [name for name in names if name not in actions]:
+        names = chunk[ACTION] if isinstance(chunk[ACTION], list) else map(str, chunk[ACTION].tolist())
+        try:
+            return np.fromiter((actions[name] for name in names), np.int64, len(chunk[ACTION]))
+        except KeyError as error:
+            there = ", ".join(dict.fromkeys(actions))
             raise NotAllowed(
-                f"{self.path} has the action {unknown[0]}, which is none of {', '.join(dict.fromkeys(actions))}"
-            )
-        return np.array([actions[name] for name in names])[back]
+                f"{self.path} has the action {error.args[0]}, which is none of {there}"
+            ) from error
+
+
+def _distinct(column: Any) -> set[Any]:
+    return set(column) if isinstance(column, list) else set(np.unique(column).tolist())
+
+
+def _number_in(path: Path, name: str) -> Callable[[Any], float]:
+    def number(text: Any) -> float:
+        return float(numbers(path, {name: [text]}, name)[0])
+
+    return number
 
 
 def numbers(path: Path, chunk: Columns, name: str) -> Any:
-    """A column as numbers; NotAllowed where a value is none."""
+    """A column as numbers, (n,); NotAllowed where a value is none."""
+    column = chunk[name]
     try:
-        return chunk[name].astype(np.float64)
-    except ValueError as error:
+        return (
+            np.fromiter(map(float, column), np.float64, len(column))
+            if isinstance(column, list)
+            else column.astype(np.float64)
+        )
+    except (TypeError, ValueError) as error:
         raise NotAllowed(f"column {name} of {path} has a value that is no number: {error}") from error
 
 
@@ -166,11 +184,18 @@ def _parquet(path: Path, rows: int) -> Iterator[Columns]:
         file = parquet.ParquetFile(path)
         for batch in file.iter_batches(rows):
             yield {
-                name: np.asarray(column.to_numpy(zero_copy_only=False))
+                name: _plain(column, arrow)
                 for name, column in zip(batch.schema.names, batch.columns, strict=True)
             }
     except arrow.ArrowInvalid as error:
         raise NotAllowed(f"{path} is no Parquet file: {error}") from error
+
+
+def _plain(column: Any, arrow: Any) -> Any:
+    """Numbers as an array, NaN where one is absent; anything else as a list of texts."""
+    if arrow.types.is_floating(column.type) or arrow.types.is_integer(column.type):
+        return column.to_numpy(zero_copy_only=False)
+    return list(map(str, column.to_pylist()))
 
 
 def _text(path: Path, rows: int) -> Iterator[Columns]:
@@ -182,6 +207,4 @@ def _text(path: Path, rows: int) -> Iterator[Columns]:
                 raise NotAllowed(
                     f"{path} has a row of {len(odd[0])} values where its header has {len(names)}, near line {reader.line_num}"
                 )
-            yield {
-                name: np.array(values) for name, values in zip(names, zip(*piece, strict=True), strict=True)
-            }
+            yield dict(zip(names, map(list, zip(*piece, strict=True)), strict=True))

@@ -91,7 +91,7 @@ def curves_of(path: Path, asked: ImportedFiles) -> list[Curves]:
 
 def _whole(path: Path) -> Columns:
     pieces = list(chunks(path, AT_ONCE))
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    return {name: np.concatenate([np.asarray(piece[name]) for piece in pieces]) for name in pieces[0]}
 
 
 def _laid_out(path: Path, method: str, places: Columns, values: Columns) -> dict[str, Any]:
