@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column
 
 REMEDY = "take a start table to your own agent with qinit start METHOD FIT -o start.npz"
+AXIS = re.compile(r"[a-z][a-z0-9_]{0,63}")  # as the store names axes
 NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 EACH = ":"  # between the coordinates of an axis
 
@@ -46,6 +47,8 @@ class ImportedTables(NeutralFamily):
             object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
         if bool(self.states) != bool(self.moves):
             raise ValueError("imported tables have at least one state axis and one action")
+        if odd := [name for name in self.moves if not name.isascii()]:
+            raise ValueError(f"the action {odd[0]!r} is no ASCII text; name it otherwise")
         if len(set(self.moves)) < len(self.moves):
             raise ValueError(f"the actions {', '.join(self.moves)} are not distinct")
         names = [name for name, _ in map(axis_told, self.states)]
@@ -135,6 +138,10 @@ def axis_told(text: str) -> tuple[str, list[int] | list[float]]:
     except ValueError:
         values = []
     counted = len(values) == 1 and parts[0].strip().isdigit()
+    if equals and not AXIS.fullmatch(name):
+        raise ValueError(
+            f"the state axis {name!r} is no name: small letters, digits and _; name it otherwise"
+        )
     fits = equals and values and all(map(math.isfinite, values)) and sorted(set(values)) == values
     if not fits or (counted and values[0] < 1):
         raise ValueError(

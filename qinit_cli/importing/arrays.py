@@ -162,8 +162,12 @@ def _stored(path: Path, dataset: Any) -> StoredArray:
 
 
 def check_numbers(array: StoredArray) -> None:
-    """NotAllowed for an array of anything but real numbers, or of no task."""
+    """NotAllowed for an array of anything but real numbers, without states and actions, or of no task."""
     if array.dtype.kind not in "iuf":
         raise NotAllowed(f"{array.place} is of the type {array.dtype}; action values are real numbers")
+    if len(array.shape) < 2:
+        raise NotAllowed(
+            f"{array.place} has the shape {array.shape}; tables have states and actions at least"
+        )
     if not all(array.shape):
         raise NotAllowed(f"{array.place} has the shape {array.shape}: {counted(0, 'entry', 'entries')}")

@@ -6,7 +6,7 @@ The first pass finds tasks, coordinates and actions; the second fills blocks of 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -45,7 +45,7 @@ class RowFile:
     @classmethod
     def of(cls, path: Path, wanted: Mapping[str, str], axes: Sequence[str] | None) -> RowFile:
         """The file with the roles of its columns; UsageError where one is missing."""
-        names = next(iter(chunks(path, 1))).keys()
+        names = list(next(iter(chunks(path, 1))))
         columns = {role: name for role, name in wanted.items() if name in names}
         if lacking := [name for name in (wanted["q"], ACTION) if name not in names]:
             raise UsageError(
@@ -67,7 +67,10 @@ class RowFile:
         found = Scan(coordinates={name: set() for name in self.axes})
         for place, chunk in self._numbered():
             for name in self.axes:
-                found.coordinates[name].update(map(_number_in(self.path, name), _distinct(chunk[name])))
+                there = numbers(self.path, {name: list(map(str, _distinct(chunk[name])))}, name)
+                if np.isnan(there).any():
+                    raise NotAllowed(f"column {name} of {self.path} has a row without a state")
+                found.coordinates[name].update(there.tolist())
             found.actions.update(dict.fromkeys(map(str, sorted(_distinct(chunk[ACTION])))))
             found.tasks = int(place[-1]) + 1
         return found
@@ -148,19 +151,12 @@ def _distinct(column: Any) -> set[Any]:
     return set(column) if isinstance(column, list) else set(np.unique(column).tolist())
 
 
-def _number_in(path: Path, name: str) -> Callable[[Any], float]:
-    def number(text: Any) -> float:
-        return float(numbers(path, {name: [text]}, name)[0])
-
-    return number
-
-
 def numbers(path: Path, chunk: Columns, name: str) -> Any:
-    """A column as numbers, (n,); NotAllowed where a value is none."""
+    """A column as numbers, (n,), NaN where a value is missing; NotAllowed where it is no number."""
     column = chunk[name]
     try:
         return (
-            np.fromiter(map(float, column), np.float64, len(column))
+            np.fromiter((float(text or "nan") for text in column), np.float64, len(column))
             if isinstance(column, list)
             else column.astype(np.float64)
         )
@@ -171,11 +167,15 @@ def numbers(path: Path, chunk: Columns, name: str) -> Any:
 def chunks(path: Path, rows: int) -> Iterator[Columns]:
     """The columns of a file by name, so many rows at a time; at least one chunk, or NotAllowed."""
     pieces = _parquet(path, rows) if path.suffix.lower() == ".parquet" else _text(path, rows)
-    first = next(pieces, None)
-    if first is None:
+    count = 0
+    try:
+        for piece in pieces:
+            count += 1
+            yield piece
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise NotAllowed(f"{path} is no table in UTF-8: {error}") from error
+    if not count:
         raise NotAllowed(f"{path} has no rows")
-    yield first
-    yield from pieces
 
 
 def _parquet(path: Path, rows: int) -> Iterator[Columns]:
@@ -202,6 +202,8 @@ def _text(path: Path, rows: int) -> Iterator[Columns]:
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file, delimiter="\t" if path.suffix.lower() == ".tsv" else ",")
         names = [name.strip() for name in next(reader, [])]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise NotAllowed(f"{path} has two columns {twice[0]}")
         while piece := list(islice(reader, rows)):
             if odd := [row for row in piece if len(row) != len(names)]:
                 raise NotAllowed(

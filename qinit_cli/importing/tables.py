@@ -28,7 +28,7 @@ from qinit_cli.importing.arrays import (
 )
 from qinit_cli.importing.asked import ImportedFiles
 from qinit_cli.importing.files import file_digest
-from qinit_cli.importing.rows import ROWS, RowFile
+from qinit_cli.importing.rows import ACTION, ROWS, RowFile
 from qinit_cli.learning import IMPORTED, Learning
 from qinit_cli.pipeline.job import Made, Tally, made
 from qinit_cli.pipeline.keeping import Keeping, target_path, working
@@ -188,9 +188,33 @@ def import_of(given: Sequence[Given], asked: ImportedFiles) -> Import:
 
 def _family(asked: ImportedFiles, states: Sequence[str], moves: Sequence[str]) -> ImportedTables:
     try:
-        return ImportedTables(asked.title, list(states), list(moves), asked.returns)
+        family = ImportedTables(asked.title, list(states), list(moves), asked.returns)
     except ValueError as error:
         raise UsageError(str(error)) from error
+    taken = _taken()
+    for axis in family.axes():
+        if axis.name in taken:
+            raise UsageError(
+                f"the state axis {axis.name} has the name of an array that artefacts have; name it otherwise"
+            )
+    return family
+
+
+def _taken() -> set[str]:
+    """The names of axes and arrays in sources and fits."""
+    from qinit_cli.artefacts.fit import fit_schema
+    from qinit_cli.artefacts.fit_columns import FitStatistics, fit_statistics
+    from qinit_cli.artefacts.sources import sources_schema
+    from qinit_store.schema import TASK, Axis
+
+    state, action = Axis("a_state", np.arange(1)), Axis(ACTION, np.arange(1))
+    everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
+    schemas = (
+        sources_schema((state,), action, (), 1),
+        fit_schema((state,), action, 1, *fit_statistics(everything, (state.name, action.name))),
+    )
+    names = [{*schema.sizes, *(column.name for column in schema.columns)} for schema in schemas]
+    return {TASK}.union(*names) - {state.name}
 
 
 def _is_rows(given: Given) -> bool:
@@ -363,7 +387,7 @@ def _checked(
             f"{bounds.high:g}; give --returns LOW:HIGH"
         )
     if "visits" in rows:
-        visits = rows["visits"]
+        visits = np.where(lacking & np.isnan(rows["visits"]), 0, rows["visits"])
         whole = np.isfinite(visits) & (visits >= 0) & (visits == np.floor(visits)) & (visits < 2**63)
         if not whole.all():
             raise NotAllowed(
@@ -371,7 +395,8 @@ def _checked(
             )
         rows["visits"] = visits.astype(np.int64)
     if "td_var" in rows:
-        variance = rows["td_var"]
+        # as of pairs that learning here never visits
+        variance = rows["td_var"] = np.where(lacking, 0.0, rows["td_var"])
         if not (variance >= 0).all():
             raise NotAllowed(
                 f"td_var of {name} has the value {variance[~(variance >= 0)][0]:g}; variances are at least 0"

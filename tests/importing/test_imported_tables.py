@@ -256,6 +256,14 @@ REFUSED = {
     "text": ({"q": np.full((2, 3, 2), "a")}, {}, "action values are real numbers"),
     "empty": ({"q": np.ones((0, 3, 2))}, {}, r"has the shape \(0, 3, 2\)"),
     "strange": ({"q": np.ones((2, 3, 2)), "eopl": np.ones((2, 3, 2))}, {}, "there is no eopl in sources"),
+    "scalar": ({"q": np.float64(0.5)}, {}, r"has the shape \(\); tables have states and actions at least"),
+    "taken": (
+        {"q": np.ones((2, 3, 2))},
+        {"axes": "mean=3"},
+        "mean has the name of an array that artefacts have",
+    ),
+    "letters": ({"q": np.ones((2, 3, 2))}, {"axes": "State=3"}, "the state axis 'State' is no name"),
+    "signs": ({"q": np.ones((2, 3, 2))}, {"actions": "é,b"}, "the action 'é' is no ASCII text"),
     "bounds": ({"q": np.ones((2, 3, 2))}, {"returns": "1:2"}, "with 0 within them"),
 }
 
@@ -273,16 +281,29 @@ ROWS = {
     "short": (["0,0,0"], "a row of 3 values where its header has 4"),
     "word": (["0,here,0,.1"], "column state of rows.csv has a value that is no number"),
     "none": ([], "rows.csv has no rows"),
+    "nowhere": (["0,,0,.1"], "column state of rows.csv has a row without a state"),
+    "bytes": (["0,0,0,\udc80"], "rows.csv is no table in UTF-8"),
 }
 
 
 @pytest.mark.parametrize("fault", ROWS)
 def test_rows_that_cannot_be_tables_are_refused(here: Callable[..., Ended], fault: str) -> None:
     rows, words = ROWS[fault]
-    Path("rows.csv").write_text("\n".join(["task,state,action,q", *rows]))
+    Path("rows.csv").write_text("\n".join(["task,state,action,q", *rows]), errors="surrogateescape")
     ended = here("import", "rows.csv", "--gamma", 0.9)
     assert ended.code == 4
     assert words in ended.err
+
+
+def test_a_value_that_is_missing_is_unknown(here: Callable[..., Ended]) -> None:
+    Path("rows.csv").write_text(
+        "task,state,action,q,visits,td_var\n0,0,a,.5,3,.1\n0,1,b,,,\n1,0,a,.25,1,.2\n1,1,b,1,0,.3\n"
+    )
+    assert here("import", "rows.csv", "--gamma", 0.9, "-o", "s.h5").code == 0
+    sources = qinit.open("s.h5")
+    assert sources["visits"].tolist() == [[[3, 0], [0, 0]], [[1, 0], [0, 0]]]
+    assert sources["td_var"].tolist() == [[[0.1, 0], [0, 0]], [[0.2, 0], [0, 0.3]]]
+    assert qinit.fit(sources, normality="none")["n"].tolist() == [[2, 0], [0, 0]]
 
 
 def test_rows_are_read_in_blocks_across_tasks(
