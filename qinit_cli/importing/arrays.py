@@ -161,13 +161,14 @@ def _stored(path: Path, dataset: Any) -> StoredArray:
     return StoredArray(f"{path}:{name}", shape, dataset.dtype, blocks)
 
 
-def check_numbers(array: StoredArray) -> None:
+def check_numbers(arrays: Mapping[str, StoredArray]) -> None:
     """NotAllowed for an array of anything but real numbers, without states and actions, or of no task."""
-    if array.dtype.kind not in "iuf":
-        raise NotAllowed(f"{array.place} is of the type {array.dtype}; action values are real numbers")
-    if len(array.shape) < 2:
-        raise NotAllowed(
-            f"{array.place} has the shape {array.shape}; tables have states and actions at least"
-        )
-    if not all(array.shape):
-        raise NotAllowed(f"{array.place} has the shape {array.shape}: {counted(0, 'entry', 'entries')}")
+    for array in arrays.values():
+        if array.dtype.kind not in "iuf":
+            raise NotAllowed(f"{array.place} is of the type {array.dtype}; action values are real numbers")
+        if len(array.shape) < 2:
+            raise NotAllowed(
+                f"{array.place} has the shape {array.shape}; tables have states and actions at least"
+            )
+        if not all(array.shape):
+            raise NotAllowed(f"{array.place} has the shape {array.shape}: {counted(0, 'entry', 'entries')}")

@@ -226,6 +226,7 @@ def _arrays(given: Given, asked: ImportedFiles) -> tuple[str, str, dict[str, Sto
     wanted = {"q": asked.key, "visits": asked.visits, "td_var": asked.td_var}
     if not isinstance(given, str | Path):
         held = {role: _held(role, values) for role, values in _by_role(given).items()}
+        check_numbers(held)
         return "memory", _digest_of(held), held
     path, inner = _split(str(given))
     refuse_pickle(path)
@@ -235,6 +236,7 @@ def _arrays(given: Given, asked: ImportedFiles) -> tuple[str, str, dict[str, Sto
         )
     digest = file_digest(path)
     found = stored_arrays(path, inner, wanted)
+    check_numbers(found)
     return str(given), digest, found
 
 
@@ -287,8 +289,6 @@ def _of_arrays(
     tables: list[Tables] = []
     actions = None
     for name, digest, arrays in found:
-        for array in arrays.values():
-            check_numbers(array)
         shape = arrays["q"].shape
         if layout is None:  # a task axis first, but for a table that has no room for one
             layout = shape[:-1] if len(shape) == 2 else shape[1:-1]
