@@ -23,8 +23,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
+from qinit_cli.artefacts import named_arrays
 from qinit_cli.artefacts.choice import Choice
 from qinit_cli.artefacts.fit import FIT
+from qinit_cli.artefacts.formats import attributes
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.run import RUN
 from qinit_cli.artefacts.sources import SOURCES
@@ -153,7 +155,10 @@ class Saved:
             return axes[name].values.copy() if name in axes else artefact.read(name)
 
     def to_xarray(self) -> xr.Dataset:
-        """All arrays as a dataset with named axes, units and long names; UsageError where xarray is not installed."""
+        """All arrays as a dataset with named axes, units and long names; its attributes hold hashes, settings and origin.
+
+        `.to_netcdf(path)` of it, and `qinit export -o x.nc`, keep all of this. UsageError where xarray is not installed.
+        """
         try:
             import xarray as xr
         except ImportError as missing:
@@ -161,20 +166,12 @@ class Saved:
                 "to_xarray needs xarray, which is not installed: pip install xarray"
             ) from missing
         with self._opened() as artefact:
-            axes = {
-                name: (name, _texts(axis.values), _attributes(axis.unit, axis.long_name))
-                for name, axis in artefact.axes.items()
+            variables = {
+                array.name: (array.dims, np.concatenate(list(array.pieces)), array.attributes)
+                for array in named_arrays.arrays(artefact, None)
             }
-            columns = {
-                column.name: (
-                    column.dims,
-                    artefact.read(column.name),
-                    _attributes(column.unit, column.long_name),
-                )
-                for column in artefact.schema.columns
-            }
-            said = {"kind": artefact.kind, "content_sha256": artefact.content_sha256}
-        return xr.Dataset(columns, axes, said)
+            axes = {name: variables.pop(name) for name in artefact.axes if name in variables}
+            return xr.Dataset(variables, axes, attributes(artefact))
 
     def _opened(self) -> Artefact:
         return open_artefact(self.source)
@@ -683,12 +680,3 @@ def _made(
             f"{made.tally.failed} of {made.tally.tasks} tasks failed; the reporter was given why"
         )
     return made
-
-
-def _texts(values: Any) -> Any:
-    """Labels as text, numbers as they are."""
-    return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
-
-
-def _attributes(unit: str, long_name: str) -> dict[str, str]:
-    return {name: text for name, text in (("units", unit), ("long_name", long_name)) if text}

@@ -18,6 +18,7 @@ from typing import IO
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_store.disk import Disk
 from qinit_store.errors import SystemFailed
+from qinit_store.publish import Growing
 from qinit_store.wording import printable
 
 NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -70,19 +71,23 @@ class OutputFile:
 
         NotAllowed as `check` says it, SystemFailed where the system refuses.
         """
-        self.check()
-        beside = self.path.with_name(f".{secrets.token_hex(8)}.part")
-        try:
-            with os.fdopen(os.open(beside, NEW, 0o666), "wb") as file:
+        with self._beside() as beside, os.fdopen(os.open(beside, NEW, 0o666), "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+
+    @contextmanager
+    def growing(self) -> Iterator[Growing]:
+        """The same for what HDF5 fills: its writes never fail, the first failure is raised once it is done with the file."""
+        with self._beside() as beside:
+            file = Growing(Disk(), beside, 0)
+            try:
                 yield file
-                file.flush()
-                os.fsync(file.fileno())
-            self._check_written(beside)  # another may have appeared meanwhile
-            os.replace(beside, self.path)
-        except OSError as error:
-            raise SystemFailed(f"{self.path} cannot be written: {error.strerror or error}") from error
-        finally:
-            beside.unlink(missing_ok=True)
+                file.finish()
+            except BaseException:
+                file.abandon()
+                file.check()
+                raise
 
     def write(self, content: bytes) -> None:
         """Writes the whole content."""
@@ -95,6 +100,20 @@ class OutputFile:
         if alike:
             Disk().touch(self.path)
         return alike
+
+    @contextmanager
+    def _beside(self) -> Iterator[Path]:
+        """Where the file is made before it gets the name."""
+        self.check()
+        beside = self.path.with_name(f".{secrets.token_hex(8)}.part")
+        try:
+            yield beside
+            self._check_written(beside)  # another may have appeared meanwhile
+            os.replace(beside, self.path)
+        except OSError as error:
+            raise SystemFailed(f"{self.path} cannot be written: {error.strerror or error}") from error
+        finally:
+            beside.unlink(missing_ok=True)
 
     def _check_written(self, beside: Path) -> None:
         self.check()

@@ -1,4 +1,4 @@
-"""The files that `qinit export` writes: csv, parquet, npz and json, piece by piece."""
+"""The files that `qinit export` writes: csv, parquet, npz and json, piece by piece; NetCDF stands in `netcdf`."""
 
 from __future__ import annotations
 
@@ -51,6 +51,14 @@ def metadata(artefact: Artefact) -> dict[str, Any]:
         "inputs": list(artefact.inputs),
         "provenance": artefact.provenance,
     }
+
+
+def attributes(artefact: Artefact) -> dict[str, str]:
+    """The same as texts, what has parts in JSON: the attributes of a dataset."""
+    told = metadata(artefact)
+    texts = {name: value for name, value in told.items() if isinstance(value, str)}
+    parts = {f"{name}_json": json.dumps(told[name], allow_nan=False) for name in told if name not in texts}
+    return texts | parts
 
 
 def write_csv(file: IO[str], opened: Opened, table: str, fields: Sequence[Field]) -> None:

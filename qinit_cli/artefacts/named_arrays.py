@@ -29,6 +29,12 @@ class NamedArray:
     long_name: str
     pieces: Iterator[Array]
 
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What is known of its unit and meaning, as NetCDF and xarray name it."""
+        told = {"units": self.unit, "long_name": self.long_name}
+        return {name: words for name, words in told.items() if words}
+
 
 def arrays(artefact: Artefact, table: str | None) -> Iterator[NamedArray]:
     """The axes and datasets of an artefact, or of one of its tables, in order of their sizes' passes: the axes first."""

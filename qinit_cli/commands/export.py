@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from qinit_cli.artefacts.kind import Field
     from qinit_store.reading import Artefact
 
-Format = Literal["csv", "parquet", "npz", "json"]
+Format = Literal["csv", "parquet", "nc", "npz", "json"]
 TEXT = ("csv", "json")  # what may go to stdout
 LONG = ("csv", "parquet")  # one long table; the others hold arrays by name
 STDOUT = "-"
@@ -37,7 +37,7 @@ class Exporting:
 
     to: Format | None = option(
         None,
-        "csv and parquet hold one long table, npz and json arrays by name.",
+        "csv and parquet hold one long table; nc (NetCDF-4), npz and json arrays by name.",
         default_text="the ending of -o",
     )
     what: str | None = option(
@@ -45,7 +45,7 @@ class Exporting:
         "The table. "
         + " ".join(f"{kind.several.capitalize()}: {', '.join(kind.tables)}." for kind in KINDS.values()),
         metavar="TABLE",
-        default_text="the first of these; for npz and json everything",
+        default_text="the first of these; for nc, npz and json everything",
     )
     output: str | None = option(
         None,
@@ -65,7 +65,7 @@ class Exporting:
         ending = Path(self.output or "").suffix.lstrip(".").lower()
         if self.to is None and ending not in get_args(Format):
             raise UsageError(
-                "nothing says which format: --to csv, parquet, npz or json, or -o with such an ending"
+                "nothing says which format: --to csv, parquet, nc, npz or json, or -o with such an ending"
             )
         return self.to or cast(Format, ending)
 
@@ -94,7 +94,7 @@ def add_to(app: typer.Typer) -> None:
         export,
         {"exporting": Group(Exporting, "Export"), "reading": READING, "display": DISPLAY},
         references=(Reference("artefacts", "Paths, names in the store, or - for stdin.", several=True),),
-        help="Write artefacts as csv, parquet, npz or json for other programs.",
+        help="Write artefacts as csv, parquet, NetCDF, npz or json for other programs.",
     )
 
 
@@ -125,7 +125,12 @@ def _write(
     destination: OutputFile, paths: list[Path], format: Format, table: str | None, fields: list[Field]
 ) -> None:
     from qinit_cli.artefacts import formats
+    from qinit_cli.artefacts.netcdf import write_netcdf
 
+    if format == "nc":
+        with destination.growing() as growing:
+            write_netcdf(growing, _opened(paths), table)
+        return
     with destination.writing() as file:
         match format:
             case "parquet":

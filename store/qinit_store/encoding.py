@@ -111,6 +111,25 @@ def text(value: str) -> Array:
     return np.array(raw, dtype=h5py.string_dtype("utf-8", max(1, len(raw))))
 
 
+def create(
+    file: h5py.Group,
+    name: str,
+    shape: tuple[int, ...],
+    dtype: np.dtype[Any],
+    *,
+    packed: bool = True,
+    ordered: bool = False,
+) -> h5py.Dataset:
+    """An empty dataset with checksums, in chunks that a reader can take one by one; `ordered` as its attributes are made."""
+    if 0 in shape:
+        return file.create_dataset(name, shape, dtype, track_order=ordered)
+    packing = PACKING if packed else {}
+    chunks = _chunks(shape, dtype.itemsize)
+    return file.create_dataset(
+        name, shape, dtype, chunks=chunks, fletcher32=True, track_order=ordered, **packing
+    )
+
+
 def _write_header(file: h5py.File, header: Header, content: str, tasks: int) -> None:
     attributes = {
         "qinit_format": header.format,
@@ -132,7 +151,7 @@ def _write_header(file: h5py.File, header: Header, content: str, tasks: int) -> 
 
 def _write_scale(file: h5py.File, axis: Axis) -> h5py.Dataset:
     values = np.ascontiguousarray(axis.values, dtype=axis.values.dtype.newbyteorder("<"))
-    dataset = _create(file, axis.name, values.shape, values.dtype)
+    dataset = create(file, axis.name, values.shape, values.dtype)
     dataset[...] = values
     dataset.make_scale(axis.name)
     _describe(dataset, (axis.name,), axis.unit, axis.long_name)
@@ -145,23 +164,13 @@ def _create_column(
     file: h5py.File, column: Column, scales: Mapping[str, h5py.Dataset], packed: bool
 ) -> h5py.Dataset:
     shape = tuple(scales[name].size for name in column.dims)
-    dataset = _create(file, column.name, shape, column.little_endian, packed=packed)
+    dataset = create(file, column.name, shape, column.little_endian, packed=packed)
     for position, name in enumerate(column.dims):
         dataset.dims[position].attach_scale(scales[name])
     _describe(dataset, column.dims, column.unit, column.long_name)
     if not column.hashed:
         dataset.attrs["hashed"] = np.int64(0)
     return dataset
-
-
-def _create(
-    file: h5py.File, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], *, packed: bool = True
-) -> h5py.Dataset:
-    if 0 in shape:
-        return file.create_dataset(name, shape, dtype)
-    packing = PACKING if packed else {}
-    chunks = _chunks(shape, dtype.itemsize)
-    return file.create_dataset(name, shape, dtype, chunks=chunks, fletcher32=True, **packing)
 
 
 def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

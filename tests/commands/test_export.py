@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 import pytest
+import xarray
 
+import qinit_cli as qinit
 from qinit_cli.artefacts import long_tables, named_arrays
 from qinit_cli.artefacts.kinds import KINDS
 from qinit_store.reading import open_artefact
@@ -203,10 +205,65 @@ def test_npz_and_json_hold_every_array(
             )
 
 
+@pytest.mark.parametrize("kind", list(KINDS))
+@pytest.mark.parametrize("held", [0, named_arrays.HELD_BYTES])
+def test_netcdf_reads_back_to_the_bit(
+    here: Callable[..., Ended],
+    of: dict[str, Path],
+    tmp_path: Path,
+    kind: str,
+    held: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(named_arrays, "HELD_BYTES", held)
+    path = of[kind]
+    there = xarray.load_dataset(here("export", path, "-o", tmp_path / "a.nc").out.strip())
+    with h5py.File(path) as file:
+        assert set(there.variables) == set(file)
+        assert there.attrs["content_sha256"] == file.attrs["content_sha256"].decode()
+        for name in ("spec_json", "provenance_json", "inputs_json"):
+            assert json.loads(there.attrs[name]) == json.loads(bytes(file.attrs[name]))
+        for name, dataset in file.items():
+            values = dataset[...]
+            if values.dtype.kind == "S":
+                assert there[name].values.tolist() == values.astype(str).tolist()
+            else:
+                assert (there[name].dtype, there[name].values.tobytes()) == (values.dtype, values.tobytes())
+            assert there[name].dims == tuple(dataset.attrs["dims"].decode().split())
+            for said in ("units", "long_name"):
+                assert there[name].attrs.get(said, "").encode() == dataset.attrs.get(said, b"")
+    xarray.testing.assert_identical(there, qinit.open(path).to_xarray())
+
+
+def test_several_artefacts_are_groups_of_one_netcdf_file(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    names = [pipeline.fit, pipeline.sources]
+    out = here("export", *names, "-o", tmp_path / "a.nc", "--what", "states").out.strip()
+    assert out == ""  # sources have no such table
+    out = here("export", *names, "-o", tmp_path / "a.nc").out.strip()
+    for path in names:
+        group = xarray.load_dataset(out, group=path.stem)
+        xarray.testing.assert_identical(group, qinit.open(path).to_xarray())
+
+
+def test_a_full_disk_ends_netcdf_with_7_and_leaves_nothing(
+    here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int, content: object, offset: int) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    ended = here("export", pipeline.fit, "-o", tmp_path / "f.nc")
+    assert (ended.code, ended.out) == (7, "")
+    assert "No space left" in ended.err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_same_artefact_gives_the_same_bytes(
     here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path
 ) -> None:
-    for ending in ("csv", "npz", "json"):
+    for ending in ("csv", "nc", "npz", "json"):
         first, second = tmp_path / f"1.{ending}", tmp_path / f"2.{ending}"
         here("export", pipeline.fit, "-o", first)
         time.sleep(0.01)
@@ -252,7 +309,7 @@ def test_a_csv_file_has_a_sidecar_that_says_where_it_comes_from(
     assert said["columns"]["eopl_mean"]["unit"] == "step"
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz", "json"])
+@pytest.mark.parametrize("ending", ["csv", "nc", "npz", "json"])
 def test_a_file_that_is_there_is_replaced_only_by_force(
     here: Callable[..., Ended], pipeline: Pipeline, tmp_path: Path, ending: str
 ) -> None:
@@ -270,6 +327,7 @@ def test_a_file_that_is_there_is_replaced_only_by_force(
         ([], "which format"),
         (["--to", "npz"], "give a file"),
         (["--to", "parquet", "-o", "-"], "give a file"),
+        (["--to", "nc"], "-o FILE.nc"),
         (["--to", "xlsx"], "xlsx"),
         (["--to", "csv", "--what", "state-action"], "did you mean state-actions?"),
     ],
