@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
@@ -33,6 +33,7 @@ from qinit_cli.artefacts.sources import SOURCES
 from qinit_cli.artefacts.tuning import TUNING
 from qinit_cli.comparison import rows as comparing
 from qinit_cli.comparison import runs as compared
+from qinit_cli.comparison.score_matrices import score_matrices
 from qinit_cli.comparison.scores import Metric
 from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
@@ -229,6 +230,16 @@ class Comparison:
     """Methods on the same targets, set against a baseline, with 95 % intervals."""
 
     rows: list[dict[str, Any]]  # as `qinit compare --format json` prints them
+    _runs: Sequence[compared.ComparedRun] = field(repr=False)
+    _metric: Metric = field(repr=False)
+
+    def to_rliable(self) -> dict[str, Floats]:
+        """The scores by method, (source sets, targets), as rliable takes them: the metric's mean over all episodes.
+
+        rliable resamples source sets, so that its intervals want several. NotAllowed where the runs did not all meet the same
+        targets.
+        """
+        return score_matrices(self._runs, self._metric)
 
     def to_pandas(self) -> pd.DataFrame:
         """The rows as a table; UsageError where pandas is not installed."""
@@ -622,7 +633,7 @@ def compare(
     shown = [run.greedy() if greedy else run for run in found.values()]
     if not shown:
         raise NotAllowed("compare was given no runs; give at least one")
-    return Comparison(plain_rows(comparing.compare(shown, baseline, metric), metric))
+    return Comparison(plain_rows(comparing.compare(shown, baseline, metric), metric), shown, metric)
 
 
 def start(method: str | Method, fit: Fit | str | os.PathLike[str], **options: Any) -> Floats:

@@ -225,6 +225,13 @@ def test_a_comparison_has_the_rows_of_the_command(here: Callable[..., Ended], fi
     paths = [str(path) for path in sorted(Path().glob("store*/runs/*.h5"))]
     told = here("compare", *paths, "--json")
     assert told.json["rows"] == json.loads(json.dumps(rows))
+    matrices = qinit.compare(runs).to_rliable()
+    assert here("compare", *paths, "--scores", "scores.npz").code == 0
+    with np.load("scores.npz") as packed:
+        assert packed.files == list(matrices) == ["zero", "mean"]
+        for run, label in zip(runs, matrices, strict=True):
+            np.testing.assert_array_equal(matrices[label], run.returns().mean(axis=1)[None])
+            np.testing.assert_array_equal(packed[label], matrices[label])
     frame = qinit.compare(runs).to_pandas()
     assert frame["method"].tolist() == ["zero", "mean"]
     averages = [float(run.returns().mean()) for run in runs]

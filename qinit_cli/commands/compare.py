@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
@@ -16,6 +17,7 @@ from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.comparison.rows import GroupComparison
+    from qinit_cli.comparison.runs import ComparedRun
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,15 @@ class Comparing:
         metavar="NAMES",
         default_text="all; on a terminal those that fit",
     )
+
+    scores: str | None = option(
+        None,
+        "Also write the scores by method, (source sets, targets), as rliable takes them.",
+        metavar="FILE.npz",
+        default_text="none",
+    )
+
+    force: bool = option(False, "Replace a file of other content.", seldom=True)
 
     def __post_init__(self) -> None:
         check(self)
@@ -74,12 +85,14 @@ def compare(
     metric, baseline = comparing.metric, comparing.baseline
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
     columns = tables.chosen(every, comparing.columns)
-    found = read_runs(references.many(runs, reading.store))
+    found = read_runs(references.many(runs, reading.store, output=comparing.scores))
     for warning in dict.fromkeys(warning for run in found for warning in outdated(run.settings)):
         note(display, f"warning: {warning}")
     if comparing.greedy:
         found = [run.greedy() for run in found]
     comparisons = stage.compare(found, baseline, metric)
+    if comparing.scores is not None:
+        _write_scores(Path(comparing.scores), found, comparing, display)
     for comparison in comparisons:
         _say_what_is_missing(comparison, comparing, display)
     if tabular.chosen == "table":  # people read one table per set of targets, programs one in all
@@ -100,6 +113,23 @@ def compare(
             note(display, f"{comparison.title}: {comparison.untested}")
     whole = told(comparisons, metric)
     print_table(SCHEMA, columns, whole["rows"], tabular, display, extra={"intervals": whole["intervals"]})
+
+
+def _write_scores(path: Path, runs: list[ComparedRun], comparing: Comparing, display: Display) -> None:
+    import io
+
+    import numpy as np
+
+    from qinit_cli.comparison.score_matrices import score_matrices
+    from qinit_cli.output_file import OutputFile
+
+    packed = io.BytesIO()
+    np.savez(packed, allow_pickle=False, **score_matrices(runs, comparing.metric))
+    file = OutputFile(path, comparing.force)
+    file.check_content(packed.getvalue())
+    if not file.settle(packed.getvalue()):
+        file.write(packed.getvalue())
+    note(display, f"{path} holds the scores of each method, source sets by targets")
 
 
 def _say_what_is_missing(comparison: GroupComparison, comparing: Comparing, display: Display) -> None:

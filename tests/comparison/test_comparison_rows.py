@@ -11,6 +11,7 @@ from qinit_cli.analysis.intervals import tails
 from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet, SourcesSettings, StoredFamily
 from qinit_cli.comparison.rows import compare
 from qinit_cli.comparison.runs import ComparedRun
+from qinit_cli.comparison.score_matrices import score_matrices
 from qinit_cli.comparison.scores import curve
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
@@ -345,3 +346,22 @@ def test_two_source_sets_have_an_interval_and_no_p() -> None:
     [comparison] = compare(sets, "zero", "return")
     assert comparison.rows[1].p is None
     assert "at least 6 source sets are needed" in comparison.untested
+
+
+def test_score_matrices_have_a_row_for_each_source_set_and_a_column_for_each_target() -> None:
+    first = _run("mean", _filled(2, 1), _filled(True, True), name="a", sources="set")
+    second = _run("mean", _filled(4, 1), _filled(True, False), name="b", sources="tes")
+    found = score_matrices([ZERO, second, first], "return")
+    assert list(found) == ["zero", "mean"]
+    np.testing.assert_array_equal(found["zero"], [[0.25, 0.5]])
+    np.testing.assert_array_equal(found["mean"], [[0.5, 1], [0.125, 0]])  # sets in the order of their hashes
+    np.testing.assert_array_equal(score_matrices([first, second], "steps")["mean"], [[2, 1], [4, 1]])
+
+
+def test_there_is_no_score_matrix_of_other_targets() -> None:
+    mine = _run("mean", _filled(2, 1), _filled(True, True), name="a")
+    other = _run("mean", _filled(2, 1), _filled(True, True), name="b", targets="u", sources="tes")
+    with pytest.raises(NotAllowed, match="targets of its own"):
+        score_matrices([mine, other], "return")
+    with pytest.raises(NotAllowed, match="2 sets of targets"):
+        score_matrices([mine, replace(other, settings=mine.settings)], "return")
