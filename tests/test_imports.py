@@ -22,7 +22,7 @@ LAYERS = (
     ("qinit_cli.app",),
     ("qinit_cli.commands",),
     ("qinit_cli.report", "qinit_cli.paper"),
-    ("qinit_cli.plots",),
+    ("qinit_cli.plots", "qinit_cli.trackers"),
     ("qinit_cli.library",),
     ("qinit_cli.pipeline", "qinit_cli.comparison"),
     ("qinit_cli.artefacts",),

@@ -10,6 +10,7 @@ from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.rewards import UNIT, ReturnBounds
 
 if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
     from qinit_cli.artefacts.settings import RunSettings, Spec, StoredMethod
     from qinit_store.reading import Artefact
     from qinit_store.schema import Array, Axis, Column, Schema
@@ -22,6 +23,7 @@ OF_TRANSFER = (
     "seconds",
 )  # columns of targets that were learned here
 CURVES = ("steps", "reached", "return")  # columns of imported runs, some of them
+EVALUATED = ("eval_return", "eval_reached", "eval_steps")
 SMOOTH = 20  # episodes averaged into each point of a curve, as plot does unless told otherwise
 
 
@@ -151,39 +153,20 @@ class RunKind(Kind["RunSettings"]):
 
         from qinit_cli.analysis import returns
 
-        settings = self.read(artefact.spec)
-        gamma, horizon = settings.learning.gamma, settings.learning.horizon
-        paid = settings.family.payment(gamma)
-        values = [
-            name
-            for name in ("v_star", "v_eps")
-            if name in {column.name for column in artefact.schema.task_columns}
-        ]
-        totals = dict.fromkeys(values, 0.0)
-        earned, reached, restricted = (np.zeros(artefact.schema.sizes["episode"]) for _ in range(3))
-        there = {column.name for column in artefact.schema.task_columns}
-        columns = (*(name for name in ("steps", "reached") if name in there), *self.told(artefact), *values)
-        for block in artefact.blocks(columns, artefact.schema.block_size):
-            earned += returns.earned(block, paid, gamma).sum(axis=0)
-            if "reached" in block:
-                reached += block["reached"].astype(bool).sum(axis=0)
-            if "steps" in block:
-                restricted += returns.restricted_steps(block["steps"], horizon).sum(axis=0)
-            for name in values:
-                totals[name] += float(block[name].sum())
+        curves = mean_curves(artefact)
         targets = artefact.task_count
         if not targets:
-            return Shown({"targets": 0, "episodes": len(earned)}, np.empty(0))
-        curve = earned / targets
+            return Shown({"targets": 0, "episodes": artefact.schema.sizes["episode"]}, np.empty(0))
+        curve = curves["return"]
         numbers: dict[str, int | float | str] = {
             "targets": targets,
             "episodes": len(curve),
             "average_return": float(curve.mean()),
             "first_10": float(returns.jumpstart(curve)),
             "last_tenth": float(returns.asymptotic(curve)),
-            **({"success": float(reached.mean() / targets)} if "reached" in there else {}),
-            **({"restricted_steps": float(restricted.mean() / targets)} if "steps" in there else {}),
-            **{name: total / targets for name, total in totals.items()},
+            **({"success": float(curves["success"].mean())} if "success" in curves else {}),
+            **({"restricted_steps": float(curves["steps"].mean())} if "steps" in curves else {}),
+            **{name: float(curves[name]) for name in ("v_star", "v_eps") if name in curves},
         }
         title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
         return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
@@ -216,10 +199,6 @@ class RunKind(Kind["RunSettings"]):
         ]
         return {"episodes": [earned], "targets": [*totals, DIGEST_FIELD]}.get(table, [])
 
-    def told(self, artefact: Artefact) -> tuple[str, ...]:
-        """The column of returns, where the world told its rewards."""
-        return ("return",) if "return" in {column.name for column in artefact.schema.columns} else ()
-
     def needed(self, table: str) -> tuple[str, ...]:
         return ("steps", "reached", "return") if table in ("episodes", "targets") else ()
 
@@ -247,6 +226,32 @@ class RunKind(Kind["RunSettings"]):
 
 
 RUN = RunKind()
+
+
+def mean_curves(artefact: Artefact) -> dict[str, Floats]:
+    """Means over the targets of a run, every task verified; memory is that of a block of tasks. Empty without targets.
+
+    "return" of every episode, (E,), and where they are there "success" and "steps", at most the horizon, likewise, "eval_return",
+    "eval_reached" and "eval_steps" of greedy evaluations, (V,), and the values "v_star" and "v_eps", ().
+    """
+
+    from qinit_cli.analysis import returns
+
+    settings = RUN.read(artefact.spec)
+    gamma, horizon = settings.learning.gamma, settings.learning.horizon
+    paid = settings.family.payment(gamma)
+    there = {column.name for column in artefact.schema.task_columns}
+    known = [name for name in CURVES if name in there]
+    more = [name for name in (*EVALUATED, "v_star", "v_eps") if name in there]
+    sums: dict[str, Any] = {}
+    for block in artefact.blocks((*known, *more), artefact.schema.block_size):
+        numbers = {"return": returns.earned(block, paid, gamma), **{name: block[name] for name in more}}
+        if "reached" in known:
+            numbers["success"] = block["reached"].astype(bool)
+        if "steps" in known:
+            numbers["steps"] = returns.restricted_steps(block["steps"], horizon)
+        sums = {name: sums.get(name, 0.0) + values.sum(axis=0) for name, values in numbers.items()}
+    return {name: total / artefact.task_count for name, total in sums.items()}
 
 
 def method_reported(method: StoredMethod) -> dict[str, Any]:
