@@ -58,14 +58,14 @@ def log(runs: list[str], logging: Logging, reading: Reading, display: Display) -
 
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.commands import references
-    from qinit_cli.trackers.record import Record
+    from qinit_cli.trackers.run_record import RunRecord
 
     if logging.to is None:
         raise UsageError("nothing says which tracker: --to mlflow, wandb or tensorboard")
     tracker = import_module(f"qinit_cli.trackers.{logging.to}")
     for path in dict.fromkeys(references.many(runs, reading.store)):
         with open_artefact(path, "run") as artefact:
-            record = Record.of(artefact)
+            record = RunRecord.of(artefact)
         logged = tracker.log(record, logging.project, logging.output)
         if not logged.new:
             note(display, f"{record.name} is logged already")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from qinit_cli.trackers.record import Logged, Record, package
+from qinit_cli.trackers.run_record import Logged, RunRecord, package
 from qinit_store.errors import SystemFailed
 
 HASH = "qinit.content_sha256"  # the tag by which a run is found again
 METRICS, PARAMETERS = 1000, 100  # at most these in one request
 
 
-def log(record: Record, project: str, where: str | None) -> Logged:
+def log(record: RunRecord, project: str, where: str | None) -> Logged:
     """A run of the experiment `project` at the tracking URI `where`, by default MLflow's own."""
     mlflow, entities, exceptions = package("mlflow", "entities", "exceptions")
     try:
@@ -21,7 +21,7 @@ def log(record: Record, project: str, where: str | None) -> Logged:
         raise SystemFailed(f"MLflow did not take {record.name}: {error}") from error
 
 
-def _log(client: Any, entities: Any, record: Record, project: str) -> Logged:
+def _log(client: Any, entities: Any, record: RunRecord, project: str) -> Logged:
     found = client.get_experiment_by_name(project)
     experiment = client.create_experiment(project) if found is None else found.experiment_id
     finished = f"tags.`{HASH}` = '{record.content_sha256}' and attributes.status = 'FINISHED'"

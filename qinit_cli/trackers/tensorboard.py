@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from qinit_cli.output_file import OutputFile
-from qinit_cli.trackers.record import Logged, Plain, Record, package
+from qinit_cli.trackers.run_record import Logged, Plain, RunRecord, package
 
 FOLDER = "tensorboard"
 MAKER = "qinit log"
 HPARAMS = "hparams"  # the plug-in that shows parameters; its messages are version 0
 
 
-def log(record: Record, project: str, where: str | None) -> Logged:
+def log(record: RunRecord, project: str, where: str | None) -> Logged:
     """One event file in WHERE/PROJECT/NAME-HASH, that of TensorBoard's run: scalars, and the parameters for its HParams page."""
     content = _events(record)
     unique = f"{record.name}-{record.content_sha256[:8]}"
@@ -27,7 +27,7 @@ def log(record: Record, project: str, where: str | None) -> Logged:
     return Logged(str(path), True)
 
 
-def _events(record: Record) -> bytes:
+def _events(record: RunRecord) -> bytes:
     _, events, records, hparams, summaries, types = package(
         "tensorboard",
         "compat.proto.event_pb2",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qinit_cli.trackers.record import Logged, Record, package
+from qinit_cli.trackers.run_record import Logged, RunRecord, package
 
 ID_DIGITS = 16  # of the content hash: the same run has the same id wherever it is sent from
 
 
-def log(record: Record, project: str, where: str | None) -> Logged:
+def log(record: RunRecord, project: str, where: str | None) -> Logged:
     """An offline run in WHERE/wandb, by default of the current folder. Nothing is sent, and nothing of this machine recorded."""
     [wandb] = package("wandb")
     folder, id = Path(where or "."), record.content_sha256[:ID_DIGITS]

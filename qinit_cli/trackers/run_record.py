@@ -23,7 +23,7 @@ GREEDY = {"greedy_return": "eval_return", "greedy_success": "eval_reached", "gre
 
 
 @dataclass(frozen=True)
-class Record:
+class RunRecord:
     """One run."""
 
     name: str
@@ -37,7 +37,7 @@ class Record:
     summary: dict[str, float]
 
     @classmethod
-    def of(cls, artefact: Artefact) -> Record:
+    def of(cls, artefact: Artefact) -> RunRecord:
         """The record of a run, every task verified; memory is that of a block of tasks. NotAllowed without targets."""
         if not artefact.task_count:
             raise NotAllowed(f"{artefact.path.stem} has no targets, so there is no learning curve to log")

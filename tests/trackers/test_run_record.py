@@ -13,7 +13,7 @@ from running import Ended
 import qinit_cli as qinit
 from qinit_cli import library
 from qinit_cli.artefacts.opening import open_artefact
-from qinit_cli.trackers.record import Record
+from qinit_cli.trackers.run_record import RunRecord
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +27,9 @@ def run(fit: library.Fit) -> library.Run:
     return qinit.transfer("mean", fit, tasks=3, episodes=6, evaluate_every=2)
 
 
-def _record(run: library.Run) -> Record:
+def _record(run: library.Run) -> RunRecord:
     with open_artefact(run.source, "run") as artefact:
-        return Record.of(artefact)
+        return RunRecord.of(artefact)
 
 
 def test_a_record_has_the_means_over_targets(run: library.Run) -> None:
