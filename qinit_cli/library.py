@@ -230,8 +230,8 @@ class Comparison:
     """Methods on the same targets, set against a baseline, with 95 % intervals."""
 
     rows: list[dict[str, Any]]  # as `qinit compare --format json` prints them
-    _runs: Sequence[compared.ComparedRun] = field(repr=False)
-    _metric: Metric = field(repr=False)
+    _runs: Sequence[compared.ComparedRun] = field(repr=False, compare=False)
+    _metric: Metric = field(repr=False, compare=False)
 
     def to_rliable(self) -> dict[str, Floats]:
         """The scores by method, (source sets, targets), as rliable takes them: the metric's mean over all episodes.

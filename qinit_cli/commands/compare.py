@@ -11,6 +11,7 @@ import typer
 from qinit_cli.commands.console import note
 from qinit_cli.commands.option_groups import DISPLAY, READING, TABULAR, Display, Group, Reading, Tabular
 from qinit_cli.commands.typer_commands import Reference, add_command
+from qinit_cli.errors import UsageError
 from qinit_cli.learning import IMPORTED
 from qinit_cli.options import check, option
 from qinit_store.wording import shell_line
@@ -47,7 +48,7 @@ class Comparing:
         default_text="none",
     )
 
-    force: bool = option(False, "Replace a file of other content.", seldom=True)
+    force: bool = option(False, "Replace a file of --scores with other content.", seldom=True)
 
     def __post_init__(self) -> None:
         check(self)
@@ -83,6 +84,8 @@ def compare(
     from qinit_cli.comparison.table import SCHEMA, plain_rows, told
 
     metric, baseline = comparing.metric, comparing.baseline
+    if comparing.force and comparing.scores is None:
+        raise UsageError("--force replaces the file of --scores, which is not given; leave it out")
     every = tables.columns(metric, baseline, greedy=comparing.greedy)
     columns = tables.chosen(every, comparing.columns)
     found = read_runs(references.many(runs, reading.store, output=comparing.scores))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import typer
 
-from qinit_cli.commands.console import note
+from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, READING, Display, Group, Reading
 from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
@@ -69,4 +70,4 @@ def log(runs: list[str], logging: Logging, reading: Reading, display: Display) -
         logged = tracker.log(record, logging.project, logging.output)
         if not logged.new:
             note(display, f"{record.name} is logged already")
-        print(logged.place, flush=True)
+        print_path(Path(logged.place))
