@@ -17,7 +17,8 @@ from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, paid_range, with_values
-from qinit_cli.environments.gym_making import KeywordArguments, made
+from qinit_cli.environments.gym_making import made
+from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import with_module
@@ -162,8 +163,7 @@ class Gym(TableFamily):
         if not self._variations:
             told.append("without --vary all tasks are the same: there is no distribution to transfer from")
         idle_ones = idle(
-            self.env_id,
-            self._settings,
+            self._recipe,
             self._variations,
             (self.goal or "") if self.tabular else None,
             self._native,
@@ -203,7 +203,7 @@ class Gym(TableFamily):
         if not self.tabular:
             rule = {TERMINATED: "every end", SURVIVED: "the horizon; every end is lost"}
             return {"goal": rule.get(self.goal or "", f"ends with {self.goal}; others are lost")}
-        goals, others = ends(self.env_id, self._settings, self._variations, self.goal or "")
+        goals, others = ends(self._recipe, self._variations, self.goal or "")
         rewards, states = sorted({reward for reward, _ in goals}), sorted({state for _, state in goals})
         lost = (
             f"; those with {named('reward', sorted({reward for reward, _ in others}))} are lost"
@@ -301,7 +301,7 @@ class Gym(TableFamily):
                 f"--reward native of {self.env_id} has no table to take the bounds of returns from; "
                 "give --returns LOW:HIGH"
             )
-        paid = paid_range(self.env_id, self._settings, self._variations, self.goal or "")
+        paid = paid_range(self._recipe, self._variations, self.goal or "")
         return Payment(paid.bounds(gamma), None, 0.0)
 
     def starts(self) -> Floats:
@@ -310,7 +310,7 @@ class Gym(TableFamily):
 
         seen = self._seen
         if self.tabular:
-            return table(self.env_id, self._example, self.goal or "").start
+            return table(self._example, self.goal or "").start
         return np.bincount(seen.resets, minlength=seen.states) / len(seen.resets)
 
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
@@ -401,7 +401,7 @@ class Gym(TableFamily):
     def refusal(self, learning: Learning) -> str:
         """Why its tasks cannot be learned so; empty if they can."""
         if self.tabular:
-            table(self.env_id, self._example, self.goal or "")  # says so itself if no end is the goal
+            table(self._example, self.goal or "")  # says so itself if no end is the goal
             return ""
         if not self.goal:
             lacking = self._doubt or f"{self.env_id} has no table that tells how its episodes end"
@@ -428,13 +428,18 @@ class Gym(TableFamily):
     def _settings(self) -> KeywordArguments:
         return KeywordArguments(map(setting, self._texts("set")))
 
+    @property
+    def _recipe(self) -> Recipe:
+        """What all its environments are made with."""
+        return Recipe(self.env_id, self._settings)
+
     def _texts(self, name: str) -> tuple[str, ...]:
         return tuple(getattr(self, name) or ())
 
     @property
-    def _example(self) -> KeywordArguments:
+    def _example(self) -> Recipe:
         """What an environment is made with that stands for all: what is varied is drawn with a fixed seed."""
-        return examples(self._settings, self._variations)[0]
+        return examples(self._recipe, self._variations)[0]
 
     @property
     def _has_table(self) -> bool:
@@ -445,16 +450,16 @@ class Gym(TableFamily):
         """Why the environment's table is not believed; empty if it is, or if there is none."""
         if not self._has_table:
             return ""
-        return doubt(self.env_id, self._settings, self._variations, self.goal or "")
+        return doubt(self._recipe, self._variations, self.goal or "")
 
-    def _of(self, task: Any) -> KeywordArguments:
+    def _of(self, task: Any) -> Recipe:
         """What the task's environment is made with."""
-        return with_values(self._settings, [(each, task[each.column].item()) for each in self._variations])
+        return with_values(self._recipe, [(each, task[each.column].item()) for each in self._variations])
 
     def _table(self, task: Any) -> TransitionTable:
-        settings = self._of(task)
-        one = table(self.env_id, settings, self.goal or "", self._native)
-        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
+        recipe = self._of(task)
+        one = table(recipe, self.goal or "", self._native)
+        shortest_cut(recipe)  # refuses what no seed brings back
         if one.after.shape[:2] != (self._seen.states, self._seen.actions):
             raise NotAllowed(
                 f"a task of {self.env_id} has {len(one.after)} states, another one {self._seen.states}: tasks must "
@@ -463,9 +468,9 @@ class Gym(TableFamily):
         return one
 
     def _episodes(self, task: Any, horizon: int) -> Episodes:
-        settings = self._of(task)
-        shortest_cut(self.env_id, settings)  # refuses what no seed brings back
-        env = made(self.env_id, settings)
+        recipe = self._of(task)
+        shortest_cut(recipe)  # refuses what no seed brings back
+        env = made(recipe)
         return Episodes(self.env_id, env, self._seen.state, self.goal or "", horizon, self._native)
 
     def _probe(
@@ -491,7 +496,7 @@ class Gym(TableFamily):
 
         from qinit_cli.kernels import tables_exact
 
-        one = table(self.env_id, self._example, self.goal or "")
+        one = table(self._example, self.goal or "")
         q = np.empty((1, *one.after.shape[:2]))
         settings = None, self.source_learning.gamma, EXACT_TOLERANCE  # by the goal, whatever is paid
         tables_exact.solve(
@@ -505,4 +510,4 @@ class Gym(TableFamily):
 
     @property
     def _seen(self) -> Seen:
-        return seen(self.env_id, self._example, self.bins or "", self._texts("range"))
+        return seen(self._example, self.bins or "", self._texts("range"))

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_episodes import numbered, reset_state
-from qinit_cli.environments.gym_making import KeywordArguments, opened
+from qinit_cli.environments.gym_making import opened
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_tables import TransitionTable, read, table
 
 if TYPE_CHECKING:
@@ -32,14 +33,14 @@ REWARD = 1e-6  # by which a reward may differ: single precision
 
 
 @lru_cache(64)
-def disagreement(env_id: str, settings: KeywordArguments, goal: str, steps: int) -> str:
+def disagreement(recipe: Recipe, goal: str, steps: int) -> str:
     """The first of so many sampled steps that disagrees with the table, in words; empty if all agree.
 
     Seeds and actions are fixed, so that the answer is the same every time.
     """
-    sampled = _Sampled(table(env_id, settings, goal), _likelihoods(env_id, settings))
-    with opened(env_id, settings) as env:
-        return _seen_otherwise(env_id, env, sampled, steps) or sampled.unlikely()
+    sampled = _Sampled(table(recipe, goal), _likelihoods(recipe))
+    with opened(recipe) as env:
+        return _seen_otherwise(recipe.env_id, env, sampled, steps) or sampled.unlikely()
 
 
 Outcome = tuple[int, bool, float]  # the next state, whether the episode ends, and the reward
@@ -113,8 +114,8 @@ def _doubted(count: int, tried: int, probability: float) -> bool:
     return tried * bound > DOUBT
 
 
-def _likelihoods(env_id: str, settings: KeywordArguments) -> list[list[dict[Outcome, float]]]:
-    there = read(env_id, settings)
+def _likelihoods(recipe: Recipe) -> list[list[dict[Outcome, float]]]:
+    there = read(recipe)
     said: list[list[dict[Outcome, float]]] = [[{} for _ in actions] for actions in there.ways]
     for state, action, (probability, after, reward, end) in there:
         outcome = (after, end, reward)

@@ -11,7 +11,8 @@ from functools import lru_cache
 from typing import Any
 
 from qinit_cli.environments.foreign import Improper, aside, fault
-from qinit_cli.environments.gym_making import KeywordArguments, close, has_table, opened
+from qinit_cli.environments.gym_making import close, has_table, opened
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
 
@@ -139,7 +140,7 @@ def numbered(observation: Any, first: int, states: int) -> int:
 
 
 @lru_cache(KEPT)
-def shortest_cut(env_id: str, settings: KeywordArguments) -> int:
+def shortest_cut(recipe: Recipe) -> int:
     """Steps after which the environment was first seen to cut an episode off, 0: never, where it is the same made twice.
 
     It is made twice, and both play the same episodes step by step in turn, so that shared randomness shows too; then the first
@@ -148,8 +149,8 @@ def shortest_cut(env_id: str, settings: KeywordArguments) -> int:
     """
     import numpy as np
 
-    with opened(env_id, settings) as one, opened(env_id, settings) as other:
-        both = _Both(env_id, settings, one, other)
+    with opened(recipe) as one, opened(recipe) as other:
+        both = _Both(recipe, one, other)
         actions = np.random.Generator(np.random.PCG64(0)).integers(int(one.action_space.n), size=TRIED_STEPS)
         seed = time = cut = 0
         begins = True
@@ -173,8 +174,7 @@ def shortest_cut(env_id: str, settings: KeywordArguments) -> int:
 class _Both:
     """An environment that was made twice."""
 
-    env_id: str
-    settings: KeywordArguments
+    recipe: Recipe
     one: Any
     other: Any
     begun: list[int] = field(default_factory=list)  # the seeds of the episodes
@@ -192,7 +192,7 @@ class _Both:
         try:
             mine, theirs = does(self.one, value), does(self.other, value)
         except BaseException as error:
-            raise fault(self.env_id, call, error) from error
+            raise fault(self.recipe.env_id, call, error) from error
         if not _same(mine, theirs):
             raise self._unlike(f"what {call} gives")
         if len(self.begun) == 1:  # copied, because some environments give the same array again and again
@@ -220,7 +220,7 @@ class _Both:
 
     def _unlike(self, difference: str) -> NotAllowed:
         return NotAllowed(
-            f"{self.env_id} with {self.settings.told} is not the same when it is made and played twice: {difference} "
+            f"{self.recipe.told} is not the same when it is made and played twice: {difference} "
             "differs; all its randomness must come from reset(seed=...), or what it draws must be given by --set"
         )
 

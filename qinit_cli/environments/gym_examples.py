@@ -8,7 +8,8 @@ from typing import Any
 
 from qinit_cli.environments.foreign import fault
 from qinit_cli.environments.gym_agreement import disagreement
-from qinit_cli.environments.gym_making import KeywordArguments, opened
+from qinit_cli.environments.gym_making import opened
+from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_tables import End, TransitionTable, table
 from qinit_cli.environments.variation import Variation
 from qinit_cli.errors import NotAllowed, UsageError
@@ -20,61 +21,54 @@ STEPS, FEWER_STEPS = 4_000, 1_000
 PLAYED = 300  # steps of each task without a table in which what is varied may show
 
 
-def with_values(settings: KeywordArguments, drawn: Iterable[tuple[Variation, Any]]) -> KeywordArguments:
-    """The settings, and what was drawn for each variation, in a form that can be kept."""
-    return KeywordArguments((*settings, *((each.name, each.value(value)) for each, value in drawn)))
+def with_values(recipe: Recipe, drawn: Iterable[tuple[Variation, Any]]) -> Recipe:
+    """The recipe, and what was drawn for each variation."""
+    values = ((each.name, each.value(value)) for each, value in drawn)
+    return recipe.given(KeywordArguments((*recipe.settings, *values)))
 
 
 @lru_cache(64)
-def examples(settings: KeywordArguments, variations: tuple[Variation, ...]) -> tuple[KeywordArguments, ...]:
+def examples(recipe: Recipe, variations: tuple[Variation, ...]) -> tuple[Recipe, ...]:
     """What some tasks are made with; one of them where nothing is varied."""
     import numpy as np
 
     drawn = []
     for seed in range(DRAWN if variations else 1):
         rng = np.random.Generator(np.random.PCG64(seed))
-        drawn.append(with_values(settings, [(each, each.draw(rng)) for each in variations]))
+        drawn.append(with_values(recipe, [(each, each.draw(rng)) for each in variations]))
     return tuple(drawn)
 
 
 @lru_cache(64)
-def doubt(env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str) -> str:
+def doubt(recipe: Recipe, variations: tuple[Variation, ...], goal: str) -> str:
     """Why the tables of these tasks are not believed; empty if they are. NotAllowed where the example's is faulty."""
-    first, *others = examples(settings, variations)
-    found = [(first, disagreement(env_id, first, goal, STEPS))]
+    first, *others = examples(recipe, variations)
+    found = [(first, disagreement(first, goal, STEPS))]
     for other in others:
-        found += [
-            (other, why) for why in _if_sound(lambda one: disagreement(env_id, one, goal, FEWER_STEPS), other)
-        ]
+        found += [(other, why) for why in _if_sound(lambda one: disagreement(one, goal, FEWER_STEPS), other)]
     told = [(one, why) for one, why in found if why]
     if not told:
         return ""
     one, why = told[0]
-    return f"the table P of {env_id} with {one.told} is not all that happens: {why}"
+    return f"the table P of {one.told} is not all that happens: {why}"
 
 
-def ends(
-    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str
-) -> tuple[list[End], list[End]]:
+def ends(recipe: Recipe, variations: tuple[Variation, ...], goal: str) -> tuple[list[End], list[End]]:
     """The ends of these tasks that are the goal, and the others."""
-    tables = [
-        there for one in examples(settings, variations) for there in _if_sound(_table_of(env_id, goal), one)
-    ]
+    tables = [there for one in examples(recipe, variations) for there in _if_sound(_table_of(goal), one)]
     goals = {end for there in tables for end in there.goals}
     return sorted(goals), sorted({end for there in tables for end in there.lost})
 
 
 @lru_cache(64)
-def paid_range(
-    env_id: str, settings: KeywordArguments, variations: tuple[Variation, ...], goal: str
-) -> PaidRange:
+def paid_range(recipe: Recipe, variations: tuple[Variation, ...], goal: str) -> PaidRange:
     """The least and the largest reward in the tables of these tasks; NotAllowed where the example's is faulty."""
     import numpy as np
 
-    first, *others = examples(settings, variations)
-    tables = [table(env_id, first, goal, True)]
+    first, *others = examples(recipe, variations)
+    tables = [table(first, goal, True)]
     for other in others:
-        tables += _if_sound(lambda one: table(env_id, one, goal, True), other)
+        tables += _if_sound(lambda one: table(one, goal, True), other)
     going_on, ending = [0.0], [0.0]
     for there in tables:
         possible = (there.probability > 0) & there.open[:, None, None]
@@ -86,54 +80,56 @@ def paid_range(
 
 @lru_cache(64)
 def idle(
-    env_id: str,
-    settings: KeywordArguments,
+    recipe: Recipe,
     variations: tuple[Variation, ...],
     goal: str | None,
     native: bool = False,
 ) -> tuple[str, ...]:
     """Names of what is varied and seems to change nothing, by the tables, or by played steps if `goal` is None."""
-    first, *_ = examples(settings, variations)
+    first, *_ = examples(recipe, variations)
     alike = _played if goal is None else partial(_bits, native=native)
     found = []
     for each in variations:
         others = [
-            KeywordArguments((name, dict(one)[name] if name == each.name else value) for name, value in first)
-            for one in examples(settings, variations)
+            first.given(
+                KeywordArguments(
+                    (name, dict(one.settings)[name] if name == each.name else value)
+                    for name, value in first.settings
+                )
+            )
+            for one in examples(recipe, variations)
         ]
-        shown = [
-            bits for one in others for bits in _if_sound(lambda one: alike(env_id, one, goal or ""), one)
-        ]
+        shown = [bits for one in others for bits in _if_sound(lambda one: alike(one, goal or ""), one)]
         if len(shown) > 1 and all(bits == shown[0] for bits in shown):
             found.append(each.name)
     return tuple(found)
 
 
-def _if_sound(does: Callable[[KeywordArguments], Any], settings: KeywordArguments) -> Iterator[Any]:
+def _if_sound(does: Callable[[Recipe], Any], recipe: Recipe) -> Iterator[Any]:
     """What is found of a task; nothing if that fails, which is reported once such a task is drawn."""
     try:
-        yield does(settings)
+        yield does(recipe)
     except (NotAllowed, UsageError):
         return
 
 
-def _table_of(env_id: str, goal: str) -> Callable[[KeywordArguments], TransitionTable]:
-    return lambda settings: table(env_id, settings, goal)
+def _table_of(goal: str) -> Callable[[Recipe], TransitionTable]:
+    return lambda recipe: table(recipe, goal)
 
 
-def _bits(env_id: str, settings: KeywordArguments, goal: str, *, native: bool) -> Any:
+def _bits(recipe: Recipe, goal: str, *, native: bool) -> Any:
     """The table, in a form that can be compared."""
-    there = table(env_id, settings, goal, native)
+    there = table(recipe, goal, native)
     parts: list[Any] = [there.after, there.probability, there.start, there.open]
     parts += [] if there.reward is None else [there.reward]
     return there.after.shape, *(each.tobytes() for each in parts)
 
 
-def _played(env_id: str, settings: KeywordArguments, goal: str) -> Any:
+def _played(recipe: Recipe, goal: str) -> Any:
     """What PLAYED steps show, whose seeds and actions are fixed."""
     import numpy as np
 
-    with opened(env_id, settings) as env:
+    with opened(recipe) as env:
         actions = np.random.Generator(np.random.PCG64(0)).integers(int(env.action_space.n), size=PLAYED)
         shown: list[str] = []
         seed, begins = 0, True
@@ -146,7 +142,7 @@ def _played(env_id: str, settings: KeywordArguments, goal: str) -> Any:
                 call = f"step({action})"
                 observed, reward, terminated, truncated, _ = env.step(action)
             except BaseException as error:
-                raise fault(env_id, call, error) from error
+                raise fault(recipe.env_id, call, error) from error
             shown.append(repr((np.asarray(observed).tolist(), float(reward), terminated, truncated)))
             begins = bool(terminated or truncated)
     return shown

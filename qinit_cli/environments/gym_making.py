@@ -9,6 +9,7 @@ from typing import Any
 
 from qinit_cli.environments.foreign import aside, calling, ends_our_work, told
 from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind, takes_others
+from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.modules import registered_id
 from qinit_cli.errors import UsageError
 
@@ -24,39 +25,18 @@ TRANSPARENT = {
 }
 
 
-class KeywordArguments(tuple[tuple[str, Any], ...]):
-    """Names and values that an environment is made with; equal where they are written alike.
-
-    So a list can stand among the keys of a cache, and 1, 1.0 and True are three values.
-    """
-
-    def __hash__(self) -> int:
-        return hash(repr(self))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, KeywordArguments) and repr(self) == repr(other)
-
-    @property
-    def told(self) -> str:
-        """In words."""
-        return ", ".join(f"{name}={value}" for name, value in self) or "its defaults"
-
-
-NOTHING_SET = KeywordArguments()
-
-
 @contextmanager
-def opened(env_id: str, settings: KeywordArguments) -> Iterator[Any]:
+def opened(recipe: Recipe) -> Iterator[Any]:
     """The environment, closed behind whoever uses it; what it prints goes to stderr, and what it raises bears its name."""
     with aside():
-        env = made(env_id, settings)
+        env = made(recipe)
         try:
             yield env
         except BaseException:
             with suppress(Exception):  # what ended the work before it is told
                 env.close()
             raise
-        close(env, env_id)
+        close(env, recipe.env_id)
 
 
 def close(env: Any, env_id: str) -> None:
@@ -65,17 +45,18 @@ def close(env: Any, env_id: str) -> None:
         env.close()
 
 
-def made(env_id: str, settings: KeywordArguments) -> Any:
+def made(recipe: Recipe) -> Any:
     """The environment that gymnasium makes, constructor arguments and attributes as set; UsageError where that cannot be."""
     try:
         with aside():  # its plug-ins are imported with it
             import gymnasium
     except ImportError as error:
         raise UsageError("gym needs the package gymnasium: pip install 'qinit[gym]'") from error
+    env_id = recipe.env_id
     bare = registered_id(env_id)
     with aside():
         try:
-            env, known, left = _constructed(env_id, bare, settings)
+            env, known, left = _constructed(env_id, bare, recipe.settings)
         except gymnasium.error.UnregisteredEnv as error:
             hint = "" if ":" in env_id else f" (one of your own is named as MODULE:{env_id})"
             raise UsageError(f"gymnasium cannot make {env_id}: {_plain(error)}{hint}") from error

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_episodes import numbered, reset_state, shortest_cut
-from qinit_cli.environments.gym_making import KeywordArguments, has_table, opened, time_limit
+from qinit_cli.environments.gym_making import has_table, opened, time_limit
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_tables import read
 from qinit_cli.errors import UsageError
 
@@ -78,16 +79,16 @@ def _row(observation: Any, length: int) -> list[float]:
 
 
 @lru_cache(64)
-def seen(env_id: str, settings: KeywordArguments, bins: str, ranges: tuple[str, ...]) -> Seen:
+def seen(recipe: Recipe, bins: str, ranges: tuple[str, ...]) -> Seen:
     """What it finds; UsageError for spaces that do not suit, NotAllowed for a faulty table or unseeded randomness."""
     import numpy as np
 
-    with opened(env_id, settings) as env:
-        there = _spaces(env_id, env, bins, ranges)
+    with opened(recipe) as env:
+        there = _spaces(recipe.env_id, env, bins, ranges)
         if there.table:
-            read(env_id, settings)  # before a step fails by what is wrong with it
-        resets = [reset_state(env_id, env, seed, there.state) for seed in range(RESETS)]
-        limits = [time_limit(env), shortest_cut(env_id, settings)]
+            read(recipe)  # before a step fails by what is wrong with it
+        resets = [reset_state(recipe.env_id, env, seed, there.state) for seed in range(RESETS)]
+        limits = [time_limit(env), shortest_cut(recipe)]
     return replace(
         there,
         resets=np.array(resets, np.int64),

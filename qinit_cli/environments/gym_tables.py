@@ -10,7 +10,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import Improper
-from qinit_cli.environments.gym_making import KeywordArguments, opened
+from qinit_cli.environments.gym_making import opened
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_transitions import Transitions, transitions
 from qinit_cli.errors import NotAllowed, UsageError
 
@@ -68,13 +69,13 @@ def verdict(goal: str) -> Callable[[Any], bool]:
 
 
 @lru_cache(KEPT)
-def table(env_id: str, settings: KeywordArguments, goal: str, native: bool = False) -> TransitionTable:
+def table(recipe: Recipe, goal: str, native: bool = False) -> TransitionTable:
     """The task's table, with its rewards if `native`; NotAllowed where it is faulty, or no end of it is the goal."""
     import numpy as np
 
     from qinit_cli.kernels.worlds import GOAL, LOST
 
-    there = read(env_id, settings)
+    there = read(recipe)
     open = _open(there)
     ends = {(way[2], way[1]) for state, _, way in there if open[state] and way[3]}
     rewards = {reward for reward, _ in ends}
@@ -82,7 +83,7 @@ def table(env_id: str, settings: KeywordArguments, goal: str, native: bool = Fal
     reached = verdict(goal) if goal else lambda reward: reward == best
     if not any(map(reached, rewards)):
         told = f"its episodes end with {named('reward', sorted(rewards))}" if ends else "it never ends"
-        raise NotAllowed(f"no end of {env_id} is the goal{f' by --goal {goal}' if goal else ''}: {told}")
+        raise NotAllowed(f"no end of {recipe} is the goal{f' by --goal {goal}' if goal else ''}: {told}")
     merged: list[dict[End, float]] = []  # by the reward, 0 unless native, and where they lead
     for ways in (ways for actions in there.ways for ways in actions):
         outcomes: dict[End, float] = {}
@@ -112,10 +113,10 @@ def table(env_id: str, settings: KeywordArguments, goal: str, native: bool = Fal
 
 
 @lru_cache(KEPT_UNREAD)
-def read(env_id: str, settings: KeywordArguments) -> Transitions:
+def read(recipe: Recipe) -> Transitions:
     """What the environment's own table says; NotAllowed where it is faulty."""
-    with opened(env_id, settings) as env:
-        return transitions(env_id, settings, env)
+    with opened(recipe) as env:
+        return transitions(recipe, env)
 
 
 def named(noun: str, numbers: Sequence[float]) -> str:

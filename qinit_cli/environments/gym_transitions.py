@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from qinit_cli.environments.gym_making import KeywordArguments
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.errors import NotAllowed
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Faulty(ValueError):
     """What is wrong with a table, and where."""
 
 
-def transitions(env_id: str, settings: KeywordArguments, env: Any) -> Transitions:
+def transitions(recipe: Recipe, env: Any) -> Transitions:
     """The environment's table; NotAllowed, with the state and the action, where it is none for the spaces it has."""
     states, actions = int(env.observation_space.n), int(env.action_space.n)
     bare = env.unwrapped
@@ -56,9 +56,7 @@ def transitions(env_id: str, settings: KeywordArguments, env: Any) -> Transition
         ]
         return Transitions(ways, _start(bare.initial_state_distrib, states))
     except Faulty as fault:
-        raise NotAllowed(
-            f"the table P of {env_id} with {settings.told} cannot be learned: {fault}"
-        ) from fault
+        raise NotAllowed(f"the table P of {recipe.told} cannot be learned: {fault}") from fault
 
 
 def _rows(table: Any, states: int, actions: int) -> list[list[Any]]:

@@ -14,8 +14,8 @@ import quantecon
 
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
-from qinit_cli.environments.gym_making import NOTHING_SET
 from qinit_cli.environments.gym_making import made as made_by_gymnasium
+from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.seeding import Stream
@@ -251,7 +251,7 @@ def test_a_state_beyond_those_there_are_is_refused(monkeypatch: pytest.MonkeyPat
 def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(UsageError, match=r"pip install 'qinit\[gym\]'"):
-        made_by_gymnasium("FrozenLake-v1", NOTHING_SET)
+        made_by_gymnasium(Recipe("FrozenLake-v1"))
 
 
 class Unmeasured(gymnasium.Env):

@@ -19,7 +19,8 @@ from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_episodes import shortest_cut
-from qinit_cli.environments.gym_making import NOTHING_SET, KeywordArguments, has_table, opened
+from qinit_cli.environments.gym_making import has_table, opened
+from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_spaces import seen
 from qinit_cli.environments.modules import import_named, travelling
 from qinit_cli.errors import NotAllowed, UsageError
@@ -66,7 +67,7 @@ def test_a_table_is_read_where_nothing_but_gymnasiums_own_stands_around_it() -> 
         maker = (lambda: walks.Pairs(FrozenLakeEnv())) if wrapped else FrozenLakeEnv
         gymnasium.register(name, entry_point=maker, max_episode_steps=100)
         try:
-            with opened(name, NOTHING_SET) as env:
+            with opened(Recipe(name)) as env:
                 assert type(env).__name__ == "TimeLimit"
                 assert has_table(env) is not wrapped
         finally:
@@ -136,12 +137,12 @@ def test_chance_that_no_seed_reaches_is_refused(here: Callable[..., Any], name: 
 
 def test_a_map_that_is_drawn_anew_whenever_it_is_made_is_refused_and_one_by_a_seed_is_not() -> None:
     with pytest.raises(NotAllowed, match=r"map_name=None is not the same .*: its table P differs"):
-        shortest_cut("FrozenLake-v1", KeywordArguments([("map_name", None)]))
-    assert shortest_cut("FrozenLake-v1", KeywordArguments([("map_name", "8x8")])) in range(101)
+        shortest_cut(Recipe("FrozenLake-v1", KeywordArguments([("map_name", None)])))
+    assert shortest_cut(Recipe("FrozenLake-v1", KeywordArguments([("map_name", "8x8")]))) in range(101)
 
 
 def test_an_observation_that_is_the_same_array_every_time_is_no_chance() -> None:
-    assert shortest_cut("SameArray-v0", KeywordArguments([("limit", 8)])) == 8
+    assert shortest_cut(Recipe("SameArray-v0", KeywordArguments([("limit", 8)]))) == 8
 
 
 def test_runs_whose_targets_turned_out_otherwise_are_not_compared(here: Callable[..., Any]) -> None:
@@ -220,7 +221,7 @@ def test_every_environment_that_is_made_is_closed(here: Callable[..., Any]) -> N
 
 
 def test_numbers_of_the_class_are_set_on_the_environment_alone() -> None:
-    with opened("Walk-v0", KeywordArguments([("PULL", 0.5)])) as env:
+    with opened(Recipe("Walk-v0", KeywordArguments([("PULL", 0.5)]))) as env:
         assert (env.unwrapped.PULL, walks.Walk.PULL) == (0.5, 0.0)
     assert Gym(env_id="Acrobot-v1", vary=["LINK_LENGTH_1=uniform:0.9,1.1"], goal="terminated", bins="2").shape
 
@@ -243,13 +244,13 @@ def test_numbers_of_the_class_are_set_on_the_environment_alone() -> None:
     ],
 )
 def test_what_cannot_be_set_is_refused_in_words(env_id: str, name: str, told: str) -> None:
-    with pytest.raises(UsageError, match=told), opened(env_id, KeywordArguments([(name, 1)])):
+    with pytest.raises(UsageError, match=told), opened(Recipe(env_id, KeywordArguments([(name, 1)]))):
         pass
 
 
 def test_arguments_that_a_constructor_hands_on_are_given_to_it() -> None:
     for env_id in ("Handed-v0", "Paired-v0"):
-        with opened(env_id, KeywordArguments([("path", [1, 2]), ("slip", 0.1)])) as env:
+        with opened(Recipe(env_id, KeywordArguments([("path", [1, 2]), ("slip", 0.1)]))) as env:
             assert (env.unwrapped.path, env.unwrapped.slip) == ([1, 2], 0.1)
 
 
@@ -259,7 +260,7 @@ def test_settings_of_any_kind_arrive_as_they_were_written(value: str) -> None:
 
     walk = Gym(env_id="Walk-v0", set=[f"path={value}"], goal="terminated")
     assert walk.shape == (6,)
-    with opened("Walk-v0", walk._example) as env:
+    with opened(walk._example) as env:
         assert env.unwrapped.path == (value if value == "word" else ast.literal_eval(value))
 
 

@@ -12,7 +12,7 @@ import pytest
 from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_agreement import disagreement
-from qinit_cli.environments.gym_making import KeywordArguments
+from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.seeding import Stream
 
@@ -441,6 +441,6 @@ def test_sampling_is_the_same_every_time() -> None:
     found = []
     for _ in range(2):
         disagreement.cache_clear()
-        found.append(disagreement("Taxi-v4", fickle, "reward>0", 1000))
+        found.append(disagreement(Recipe("Taxi-v4", fickle), "reward>0", 1000))
     assert "led to state" in found[0]
     assert found[0] == found[1]
