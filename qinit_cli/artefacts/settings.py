@@ -67,7 +67,12 @@ OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
     "inputs": list,
 }
 OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
-LEFT_OUT = ("reward", "returns")  # not stored at their defaults, as before families had these options
+LEFT_OUT = (
+    "reward",
+    "returns",
+    "wrap",
+    "state",
+)  # not stored at their defaults, as before families had these options
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 

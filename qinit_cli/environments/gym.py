@@ -21,7 +21,7 @@ from qinit_cli.environments.gym_making import made
 from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
-from qinit_cli.environments.modules import with_module
+from qinit_cli.environments.modules import import_factory, with_module
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
+STATE = re.compile(r"[A-Za-z]\w*(,[A-Za-z]\w*)*")
 PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
 
 
@@ -47,7 +48,7 @@ class Gym(TableFamily):
 
     env_id: str = option(
         "",
-        "The environment's id, such as FrozenLake-v1; MODULE:ID for one that a module of your own registers.",
+        "The environment's id, such as FrozenLake-v1; MODULE:ID for one that another module registers.",
         metavar="ENV_ID",
         positional=True,
     )
@@ -75,6 +76,22 @@ class Gym(TableFamily):
         "What the bins of a dimension cover; needed where the environment has no bounds; may be given several times.",
         metavar="DIM=LOW:HIGH",
         default_text="the environment's bounds",
+    )
+    wrap: list[str] | None = option(
+        None,
+        "What is put around the environment: a function or class of a module that takes it and gives it back wrapped; may be "
+        "given several times, from the inside out.",
+        metavar="MODULE:FACTORY",
+        default_text="nothing",
+        seldom=True,
+    )
+    state: str | None = option(
+        None,
+        "Attributes that are the state in the place of what the environment observes, such as agent_pos,agent_dir; --range "
+        "gives what each number covers.",
+        metavar="ATTRIBUTE[,...]",
+        default_text="what is observed",
+        seldom=True,
     )
     goal: str | None = option(
         None,
@@ -120,6 +137,14 @@ class Gym(TableFamily):
         ):  # a list cannot be kept in a cache, a shift brings a single text
             given = getattr(self, name)
             object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given or ()))
+        if self.wrap is not None:
+            object.__setattr__(
+                self, "wrap", (self.wrap,) if isinstance(self.wrap, str) else tuple(self.wrap) or None
+            )
+        if self.state is not None and not STATE.fullmatch(self.state):
+            raise ValueError(
+                f"--state is {self.state}; write names of attributes, such as agent_pos,agent_dir"
+            )
         if not self.env_id:
             raise ValueError("an environment's id is missing, such as FrozenLake-v1")
         if self.returns is not None:
@@ -137,7 +162,9 @@ class Gym(TableFamily):
             raise ValueError(f"{' and '.join(alike)} would be one column in an artefact; vary one of them")
 
     def imported(self) -> Self:
-        """The family, once the module that its id names is imported, as that id was typed; UsageError if the import fails."""
+        """The family, once the modules that it names are imported, as its id was typed; UsageError if an import fails."""
+        for wrap in self._texts("wrap"):
+            import_factory(wrap)
         return replace(self, env_id=with_module(self.env_id))
 
     @property
@@ -148,6 +175,8 @@ class Gym(TableFamily):
             f"{each.name}-{each.kind[0].upper()}{each.numbers[0]:g}-{each.numbers[1]:g}"
             for each in self._variations
         ]
+        parts += [f"wrap-{each.rpartition(':')[2]}" for each in self._texts("wrap")]
+        parts += [f"state-{self.state}"] if self.state else []
         parts += [f"bins-{self.bins}"] if self.bins else []
         parts += [f"goal-{self.goal}"] if self.goal else []
         parts += [f"returns-{self.returns}"] if self.returns else []
@@ -217,8 +246,8 @@ class Gym(TableFamily):
 
     @property
     def actions(self) -> tuple[str, ...]:  # type: ignore[override]  # a matter of the environment here
-        """Their numbers."""
-        return tuple(map(str, range(self._seen.actions)))
+        """Their numbers, as the environment itself has them."""
+        return self._seen.actions
 
     def axes(self) -> tuple[Axis, ...]:
         """The numbered state, its row and column where the environment is a grid, or the dimensions by their bins' centres."""
@@ -227,15 +256,10 @@ class Gym(TableFamily):
         from qinit_store.schema import Axis
 
         seen = self._seen
-        if seen.lows:
+        if seen.dimensions:
             return tuple(
-                Axis(
-                    f"x{place}",
-                    low + (np.arange(bins) + 0.5) * ((high - low) / bins),
-                    "1",
-                    f"observation {place}",
-                )
-                for place, (low, high, bins) in enumerate(zip(seen.lows, seen.highs, seen.shape, strict=True))
+                Axis(f"x{place}", each.values(), "1", f"observation {each.name}")
+                for place, each in enumerate(seen.dimensions)
             )
         names = ("row", "col") if len(seen.shape) == 2 else ("state",)
         return tuple(
@@ -275,7 +299,7 @@ class Gym(TableFamily):
             raise NotAllowed(f"{self.untabled}; learn it by q-learning")
         each = [self._table(task) for task in tasks]
         most = max((one.after.shape[2] for one in each), default=1)
-        shape = (len(each), self._seen.states, self._seen.actions, most)
+        shape = (len(each), self._seen.states, len(self._seen.actions), most)
         after, probability = np.full(shape, LOST, np.int32), np.zeros(shape)
         for place, one in enumerate(each):
             after[place, :, :, : one.after.shape[2]] = one.after
@@ -341,7 +365,7 @@ class Gym(TableFamily):
         return PythonWorlds(
             episodes,
             self._seen.states,
-            self._seen.actions,
+            len(self._seen.actions),
             seeds(own),
             around=episodes,
             pays=self._native,
@@ -431,7 +455,8 @@ class Gym(TableFamily):
     @property
     def _recipe(self) -> Recipe:
         """What all its environments are made with."""
-        return Recipe(self.env_id, self._settings)
+        state = tuple(self.state.split(",")) if self.state else ()
+        return Recipe(self.env_id, self._settings, self._texts("wrap"), state)
 
     def _texts(self, name: str) -> tuple[str, ...]:
         return tuple(getattr(self, name) or ())
@@ -460,7 +485,7 @@ class Gym(TableFamily):
         recipe = self._of(task)
         one = table(recipe, self.goal or "", self._native)
         shortest_cut(recipe)  # refuses what no seed brings back
-        if one.after.shape[:2] != (self._seen.states, self._seen.actions):
+        if one.after.shape[:2] != (self._seen.states, len(self._seen.actions)):
             raise NotAllowed(
                 f"a task of {self.env_id} has {len(one.after)} states, another one {self._seen.states}: tasks must "
                 "have as many as each other"

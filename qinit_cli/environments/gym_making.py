@@ -10,7 +10,7 @@ from typing import Any
 from qinit_cli.environments.foreign import aside, calling, ends_our_work, told
 from qinit_cli.environments.gym_arguments import arguments, check_arguments, check_kind, takes_others
 from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
-from qinit_cli.environments.modules import registered_id
+from qinit_cli.environments.modules import factory, registered_id
 from qinit_cli.errors import UsageError
 
 # wrappers that change nothing of what happens before an episode is cut off
@@ -70,11 +70,32 @@ def made(recipe: Recipe) -> Any:
             for name, value in left.items():
                 with calling(env_id, f"setting {name}={value!r}"):
                     _set(env, env_id, name, copy.deepcopy(value), known)
+            env = _surrounded(env, recipe)
         except BaseException:
             with suppress(Exception):  # what ended the work before it is told
                 env.close()
             raise
     return env
+
+
+def _surrounded(env: Any, recipe: Recipe) -> Any:
+    """The environment with what is put around it."""
+    import gymnasium
+
+    from qinit_cli.environments.gym_leaves import is_numbered
+    from qinit_cli.environments.gym_wrappers import AttributeState, NumberedActions
+
+    for wrap in recipe.wraps:
+        around = factory(wrap)
+        with calling(recipe.env_id, f"--wrap {wrap}"):
+            env = around(env)
+        if not isinstance(env, gymnasium.Env):
+            raise UsageError(f"--wrap {wrap} gives {env!r:.80}, which is no environment")
+    if recipe.state:
+        env = AttributeState(env, recipe.env_id, recipe.state)
+    actions = env.action_space
+    plain = type(actions).__name__ == "Discrete" and actions.start == 0
+    return env if plain or not is_numbered(actions) else NumberedActions(env)
 
 
 def _constructed(env_id: str, bare: str, settings: KeywordArguments) -> tuple[Any, list[str], dict[str, Any]]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import isfinite
@@ -12,18 +14,43 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_episodes import numbered, reset_state, shortest_cut
+from qinit_cli.environments.gym_leaves import Leaf, Unsuited, leaves, reader
 from qinit_cli.environments.gym_making import has_table, opened, time_limit
 from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_tables import read
 from qinit_cli.errors import UsageError
+from qinit_store.wording import counted, noun
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from qinit_cli.arrays import Integers
 
 DEFAULT_BINS = 10
 UNBOUNDED = 1e6  # a bound beyond it is none
 ROUNDED = 1e-4  # of a bin, by which an observation in single precision may miss a bound
+MOST = 2**31 - 1  # values of a table: the compiled loop counts states in 32 bits
 RESETS = 200  # seeds 0 to 199, whose states are taken for where episodes start
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One number of a state: a whole one from low to high, or anything between them, in so many bins."""
+
+    name: str
+    low: float
+    high: float
+    length: int
+    whole: bool
+    own: bool  # the bounds are the environment's, not those of --range
+
+    def values(self) -> NDArray[Any]:
+        """The numbers, or the bins' centres, (length,)."""
+        import numpy as np
+
+        if self.whole:
+            return np.arange(int(self.low), int(self.high) + 1, dtype=np.int32)
+        return self.low + (np.arange(self.length) + 0.5) * ((self.high - self.low) / self.length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +58,15 @@ class Seen:
     """What a first look at an environment found."""
 
     shape: tuple[int, ...]
-    actions: int
+    actions: tuple[str, ...]  # what they are called
     table: bool
-    lows: tuple[float, ...]  # of a Box
-    highs: tuple[float, ...]
+    dimensions: tuple[Dimension, ...]  # of a state; none where it is one number, from `first` on
     resets: Integers  # states after RESETS resets
+    row: Callable[[Any], list[Any]]  # an observation's numbers
     first: int = 0  # the number of the first state
-    own: tuple[bool, ...] = ()  # whether a dimension's bins cover the environment's own bounds
     beyond: Counter[int] = field(
         default_factory=Counter
-    )  # observations beyond those, by dimension, so far in this process
+    )  # observations beyond the environment's own bounds, by dimension, so far in this process
     limit: int = 0  # steps after which it cuts an episode off, as far as that is known; 0: never
 
     @property
@@ -50,32 +76,44 @@ class Seen:
 
     def state(self, observation: Any) -> int:
         """The table's state that an observation is in; beyond the bins, in the last; Improper where there is none."""
-        if not self.lows:
+        if not self.dimensions:
             return numbered(observation, self.first, self.states)
         state = 0
-        sides = zip(_row(observation, len(self.lows)), self.lows, self.highs, self.shape, strict=True)
-        for dimension, (value, low, high, bins) in enumerate(sides):
-            if not isfinite(value):
-                raise Improper(
-                    f"the environment observed {value} in dimension {dimension}, which is in no bin; its "
-                    "observations must be finite"
-                )
-            place = (value - low) / (high - low) * bins
-            if not -ROUNDED <= place <= bins + ROUNDED and self.own[dimension]:
-                self.beyond[dimension] += 1
-            state = state * bins + int(min(max(place, 0), bins - 1))
+        for number, (value, dimension) in enumerate(zip(self.row(observation), self.dimensions, strict=True)):
+            place = _numbered if dimension.whole else self._bin
+            state = state * dimension.length + place(value, number, dimension)
         return state
 
+    def _bin(self, value: float, number: int, dimension: Dimension) -> int:
+        if not isfinite(value):
+            raise Improper(
+                f"the environment observed {value} in dimension {number}, which is in no bin; its "
+                "observations must be finite"
+            )
+        bins = dimension.length
+        place = (value - dimension.low) / (dimension.high - dimension.low) * bins
+        if not -ROUNDED <= place <= bins + ROUNDED and dimension.own:
+            self.beyond[number] += 1
+        return int(min(max(place, 0), bins - 1))
 
-def _row(observation: Any, length: int) -> list[float]:
-    kind = getattr(getattr(observation, "dtype", None), "kind", "O")
-    try:  # float() would take text, and the real part of complex numbers
-        row = [float(value) for value in observation] if kind in "biufO" else []
-    except (TypeError, ValueError):
-        row = []
-    if len(row) != length:
-        raise Improper(f"the environment observed {observation!r:.80}, which is no row of {length} numbers")
-    return row
+
+def _numbered(value: Any, number: int, dimension: Dimension) -> int:
+    """The place of a whole number; Improper where it is none, or none of those there are."""
+    try:
+        place = operator.index(value) - int(dimension.low)
+    except TypeError:
+        place = -1
+    if not 0 <= place < dimension.length:
+        bounds = (
+            "that its space names"
+            if dimension.own
+            else f"of --range {number}={dimension.low:g}:{dimension.high:g}"
+        )
+        raise Improper(
+            f"the environment observed {value!r:.40} in dimension {number} ({dimension.name}), which is none of the "
+            f"{dimension.length} numbers {bounds}"
+        )
+    return place
 
 
 @lru_cache(64)
@@ -84,7 +122,7 @@ def seen(recipe: Recipe, bins: str, ranges: tuple[str, ...]) -> Seen:
     import numpy as np
 
     with opened(recipe) as env:
-        there = _spaces(recipe.env_id, env, bins, ranges)
+        there = _spaces(recipe, env, bins, ranges)
         if there.table:
             read(recipe)  # before a step fails by what is wrong with it
         resets = [reset_state(recipe.env_id, env, seed, there.state) for seed in range(RESETS)]
@@ -96,36 +134,55 @@ def seen(recipe: Recipe, bins: str, ranges: tuple[str, ...]) -> Seen:
     )
 
 
-def _spaces(env_id: str, env: Any, bins: str, ranges: tuple[str, ...]) -> Seen:
+def _spaces(recipe: Recipe, env: Any, bins: str, ranges: tuple[str, ...]) -> Seen:
     import numpy as np
 
-    kinds = env.observation_space, env.action_space
-    observed, acted = (type(space).__name__ for space in kinds)
-    if acted != "Discrete":
-        raise UsageError(f"{env_id} has actions of the kind {acted}; numbered ones (Discrete) are needed")
-    if (first_action := int(env.action_space.start)) != 0:
+    actions = _actions(recipe, env)
+    nothing = np.empty(0, np.int64)
+    space = env.observation_space
+    if not recipe.state and type(space).__name__ == "Discrete":
+        if bins or ranges:
+            raise UsageError(f"{recipe} numbers its states; leave out --bins and --range")
+        first = int(space.start)
+        tabled = has_table(env) and first == 0  # P numbers states from 0 on
+        return Seen(_grid(env), actions, tabled, (), nothing, list, first)
+    dimensions = _dimensions(recipe, _observed(recipe, env), bins, ranges)
+    if (states := math.prod(each.length for each in dimensions)) * len(actions) > MOST:
         raise UsageError(
-            f"{env_id} numbers its actions from {first_action}; actions numbered from 0 are needed"
+            f"a table of {recipe} would have {len(dimensions)} dimensions and {_told(states)} states; give fewer --bins, or "
+            "the attributes that matter: --state ATTRIBUTE,..."
         )
-    if observed == "Discrete" and (bins or ranges):
-        raise UsageError(f"{env_id} numbers its states; leave out --bins and --range")
-    lows: tuple[float, ...] = ()
-    highs: tuple[float, ...] = ()
-    if observed == "Discrete":
-        shape = _grid(env)
-    elif observed == "Box" and len(env.observation_space.shape) == 1:
-        lows, highs = _bounds(env_id, env.observation_space, ranges)
-        shape = _bins(env_id, bins, len(lows))
-    else:
+    row = list if recipe.state else reader(space)
+    return Seen(tuple(each.length for each in dimensions), actions, False, dimensions, nothing, row)
+
+
+def _actions(recipe: Recipe, env: Any) -> tuple[str, ...]:
+    """What they are called, by their numbers."""
+    from qinit_cli.environments.gym_wrappers import NumberedActions
+
+    if isinstance(env, NumberedActions):
+        return env.names
+    if (kind := type(env.action_space).__name__) != "Discrete":
         raise UsageError(
-            f"{env_id} observes a {observed}{getattr(kinds[0], 'shape', None) or ''}; a Discrete or a Box of one row is needed"
+            f"{recipe} has actions of the kind {kind}; numbered ones are needed: Discrete, MultiDiscrete, MultiBinary, or a "
+            "Tuple or Dict of such"
         )
-    first = 0 if lows else int(env.observation_space.start)
-    actions = int(env.action_space.n)
-    tabled = has_table(env) and observed == "Discrete" and first == 0  # P numbers states from 0 on
-    given = {text.partition("=")[0] for text in ranges}
-    own = tuple(str(place) not in given for place in range(len(lows)))
-    return Seen(shape, actions, tabled, lows, highs, np.empty(0, np.int64), first, own)
+    return tuple(map(str, range(int(env.action_space.n))))
+
+
+def _observed(recipe: Recipe, env: Any) -> list[Leaf]:
+    """The numbers of which a state is made; UsageError where they are none, or their bounds are unknown."""
+    if recipe.state:
+        reset_state(recipe.env_id, env, 0, lambda observation: 0)
+        found: list[Leaf] = env.get_wrapper_attr("leaves")()
+        return found
+    try:
+        return leaves(env.observation_space)
+    except Unsuited as unsuited:
+        raise UsageError(
+            f"{recipe} observes {unsuited}; what is numbered (Discrete, MultiDiscrete, MultiBinary), a Box, or a Tuple or "
+            "Dict of such is needed: give --wrap MODULE:FACTORY, or attributes by --state ATTRIBUTE,..."
+        ) from unsuited
 
 
 def _grid(env: Any) -> tuple[int, ...]:
@@ -139,41 +196,86 @@ def _grid(env: Any) -> tuple[int, ...]:
     return (states,)
 
 
-def _bins(env_id: str, bins: str, dimensions: int) -> tuple[int, ...]:
+def _dimensions(
+    recipe: Recipe, found: list[Leaf], bins: str, ranges: tuple[str, ...]
+) -> tuple[Dimension, ...]:
+    given = dict(_range(text, len(found)) for text in ranges)
+    for place in given:
+        if found[place].whole and isfinite(found[place].low):
+            raise UsageError(
+                f"dimension {place} of {recipe} is numbered from {found[place].low:g} to {found[place].high:g}; leave out "
+                f"--range {place}"
+            )
+    sides = [(*given.get(place, (leaf.low, leaf.high)), leaf) for place, leaf in enumerate(found)]
+    _check_bounds(recipe, sides)
+    counts = iter(_bins(recipe, bins, sum(not leaf.whole for leaf in found)))
+    return tuple(
+        Dimension(
+            leaf.name,
+            low,
+            high,
+            int(high) - int(low) + 1 if leaf.whole else next(counts),
+            leaf.whole,
+            place not in given,
+        )
+        for place, (low, high, leaf) in enumerate(sides)
+    )
+
+
+def _bins(recipe: Recipe, bins: str, dimensions: int) -> tuple[int, ...]:
     texts = bins.split(",") if bins else [str(DEFAULT_BINS)]
+    if bins and not dimensions:
+        raise UsageError(f"{recipe} numbers its states; leave out --bins")
     if not all(text.strip().isdigit() and int(text) > 0 for text in texts) or len(texts) not in (
         1,
         dimensions,
     ):
         raise UsageError(
-            f"--bins {bins}: {env_id} has {dimensions} dimensions; give one number, or one for each"
+            f"--bins {bins}: {recipe} has {counted(dimensions, 'dimension')} that {noun(dimensions, 'is', 'are')} no whole "
+            "numbers; give one number, or one for each"
         )
     counts = tuple(int(text) for text in texts)
     return counts * dimensions if len(counts) == 1 else counts
 
 
-def _bounds(env_id: str, space: Any, ranges: tuple[str, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    lows, highs = [float(low) for low in space.low], [float(high) for high in space.high]
-    for text in ranges:
-        told = re.fullmatch(r"(\d+)=([^:]+):([^:]+)", text)
-        try:
-            place, low, high = (int(told[1]), float(told[2]), float(told[3])) if told else (-1, 0.0, 0.0)
-        except ValueError:
-            place, low, high = -1, 0.0, 0.0
-        if not (0 <= place < len(lows) and low < high):
-            raise UsageError(
-                f"--range {text}: write DIM=LOW:HIGH, DIM from 0 to {len(lows) - 1}, LOW below HIGH"
-            )
-        lows[place], highs[place] = low, high
+def _range(text: str, dimensions: int) -> tuple[int, tuple[float, float]]:
+    """The dimension, and what --range says that it covers."""
+    told = re.fullmatch(r"(\d+)=([^:]+):([^:]+)", text)
+    try:
+        place, low, high = (int(told[1]), float(told[2]), float(told[3])) if told else (-1, 0.0, 0.0)
+    except ValueError:
+        place, low, high = -1, 0.0, 0.0
+    if not (0 <= place < dimensions and low < high):
+        raise UsageError(
+            f"--range {text}: write DIM=LOW:HIGH, DIM from 0 to {dimensions - 1}, LOW below HIGH"
+        )
+    return place, (low, high)
+
+
+def _check_bounds(recipe: Recipe, sides: list[tuple[float, float, Leaf]]) -> None:
+    """UsageError where a dimension has no bounds, or a range of whole numbers has others."""
     unbounded = [
         place
-        for place, (low, high) in enumerate(zip(lows, highs, strict=True))
+        for place, (low, high, _) in enumerate(sides)
         if not (abs(low) < UNBOUNDED and abs(high) < UNBOUNDED)
     ]
     if unbounded:
         dimensions = "dimension" if len(unbounded) == 1 else "dimensions"
-        raise UsageError(
-            f"{env_id} sets no bounds to {dimensions} {' and '.join(map(str, unbounded))} of what it observes; give "
-            f"{' '.join(f'--range {place}=LOW:HIGH' for place in unbounded)}"
+        ranges = " ".join(f"--range {place}=LOW:HIGH" for place in unbounded)
+        names = (
+            f", of {', '.join(sides[place][2].name for place in unbounded)} in turn" if recipe.state else ""
         )
-    return tuple(lows), tuple(highs)
+        raise UsageError(
+            f"{recipe} sets no bounds to {dimensions} {' and '.join(map(str, unbounded))} of what it observes; give "
+            f"{ranges}{names}"
+        )
+    for place, (low, high, leaf) in enumerate(sides):
+        if leaf.whole and not (low.is_integer() and high.is_integer()):
+            raise UsageError(
+                f"--range {place}={low:g}:{high:g}: {leaf.name} is a whole number; LOW and HIGH are such numbers, both "
+                "included"
+            )
+
+
+def _told(states: int) -> str:
+    return str(states) if states < 10**9 else f"10^{len(str(states)) - 1}"

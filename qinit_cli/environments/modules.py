@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from qinit_cli.environments.foreign import aside, ends_our_work, told
 from qinit_cli.errors import UsageError
@@ -62,6 +62,32 @@ def with_module(env_id: str) -> str:
     return env_id if maker is None else f"{maker}:{env_id}"
 
 
+def factory(text: str) -> Callable[[Any], Any]:
+    """What MODULE:FACTORY names: what is put around an environment. UsageError where there is none that may be called.
+
+    Its module must have been named in this process: a file could name any function of any module else. A wrapper of gymnasium's
+    kind needs no more than to be there.
+    """
+    module, _, name = text.rpartition(":")
+    found = getattr(sys.modules.get(module), name, None)
+    if module not in _NAMED and not _is_wrapper(found):
+        raise UsageError(
+            f"--wrap {text} comes from the module {module}, which is imported only where it is named: give --import {module}"
+        )
+    if not callable(found):
+        raise UsageError(f"--wrap {text}: {module} has no {name} that could be called")
+    return cast("Callable[[Any], Any]", found)
+
+
+def import_factory(text: str) -> None:
+    """Imports the module of MODULE:FACTORY, because it was typed; UsageError where that fails."""
+    module, _, name = text.rpartition(":")
+    if not (MODULE.fullmatch(module) and MODULE.fullmatch(name)):
+        raise UsageError(f"--wrap {text}: write a module's name and a factory's, such as my_wrappers:Masked")
+    import_named([module])
+    factory(text)
+
+
 def registered_id(env_id: str) -> str:
     """The id without its module; UsageError, with the option to give, if that is not imported."""
     module, _, bare = env_id.rpartition(":")
@@ -88,6 +114,11 @@ class Importing:
 def travelling(learn: Learn, family: Mapping[str, Any]) -> Learn:
     """The learner as another process takes it; Gymnasium's families, by their `family` options, take the named modules along."""
     return Importing(tuple(_NAMED), learn) if _NAMED and "env_id" in family else learn
+
+
+def _is_wrapper(found: Any) -> bool:
+    gymnasium = sys.modules.get("gymnasium")
+    return gymnasium is not None and isinstance(found, type) and issubclass(found, gymnasium.Wrapper)
 
 
 def _registered() -> set[str]:

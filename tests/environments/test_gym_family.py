@@ -144,7 +144,6 @@ def test_paths_of_a_simulated_task_are_those_of_its_greedy_episodes() -> None:
             {"env_id": "FrozenLake-v1", "vary": ["desc=map:8,0.05"]},  # gymnasium would look for one for ever
             "of 1000 such maps none can be solved; raise FROZEN",
         ),
-        ({"env_id": "Blackjack-v1"}, "observes a Tuple; a Discrete or a Box of one row is needed"),
         ({"env_id": "Pendulum-v1"}, "has actions of the kind Box; numbered ones"),
     ],
 )
@@ -312,14 +311,12 @@ def test_what_is_observed_beyond_the_environments_own_bounds_is_counted() -> Non
 class Given(gymnasium.Env):
     """Observes and pays what it is told to, and ends at once."""
 
-    def __init__(
-        self, seen: Any = None, reward: float = 0.0, first_action: int = 0, box: bool = False
-    ) -> None:
+    def __init__(self, seen: Any = None, reward: float = 0.0, box: bool = False) -> None:
         self._seen, self._reward = seen, reward
         self.observation_space = (
             gymnasium.spaces.Box(0.0, 1.0, (1,)) if box else gymnasium.spaces.Discrete(3)  # type: ignore[assignment]  # either
         )
-        self.action_space = gymnasium.spaces.Discrete(2, start=first_action)
+        self.action_space = gymnasium.spaces.Discrete(2)
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
         return np.array(self._seen) if isinstance(self._seen, list) else self._seen, {}
@@ -337,7 +334,6 @@ class Given(gymnasium.Env):
         (["seen=['0.5']", "box=True"], 4, "which is no row of 1 numbers"),
         (["seen=[0.5j]", "box=True"], 4, "which is no row of 1 numbers"),
         (["seen=0", "reward=nan"], 3, "the environment ended an episode with the reward nan, which no rule"),
-        (["first_action=1"], 2, "Given-v0 numbers its actions from 1; actions numbered from 0 are needed"),
     ],
 )
 def test_what_an_environment_gives_that_cannot_be_learned_is_refused_in_a_sentence(
