@@ -605,7 +605,7 @@ def plug_ins(settings: Settings) -> dict[str, str]:
     packages = [(family, FAMILIES.package(family))]
     packages += [(name, METHODS.package(name)) for name in sorted(methods)]
     packages += [(name, LEARNERS.package(name)) for name in sorted(_learners(settings))]
-    needed = getattr(FAMILIES.get(family), "packages", ())
+    needed = getattr(settings.sources.family.here, "packages", ())
     return {f"{PLUG_IN} {name}": package for name, package in packages if package} | {
         each: version(each) for each in sorted(needed)
     }

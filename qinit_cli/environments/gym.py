@@ -21,7 +21,7 @@ from qinit_cli.environments.gym_making import made
 from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
-from qinit_cli.environments.modules import import_factory, with_module
+from qinit_cli.environments.modules import import_factory, packages_of, with_module
 from qinit_cli.environments.variation import Variation, setting
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
@@ -118,7 +118,6 @@ class Gym(TableFamily):
         "its wrappers were left out, and an episode that was cut off counted as an end worth 0; the same commands, from "
         "train-sources on, learn them anew"
     )
-    packages: ClassVar[tuple[str, ...]] = ("gymnasium",)  # whose version decides what happens
     source_tasks: ClassVar[int] = 50
     target_tasks: ClassVar[int] = 50
     source_learning: ClassVar[Learning] = Learning(
@@ -166,6 +165,11 @@ class Gym(TableFamily):
         for wrap in self._texts("wrap"):
             import_factory(wrap)
         return replace(self, env_id=with_module(self.env_id))
+
+    @property
+    def packages(self) -> tuple[str, ...]:
+        """Whose versions decide what happens: gymnasium's, and those of the modules that register and wrap the environment."""
+        return ("gymnasium", *packages_of(self.env_id, self._texts("wrap")))
 
     @property
     def label(self) -> str:

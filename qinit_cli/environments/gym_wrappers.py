@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from qinit_cli.environments.foreign import Improper
 from qinit_cli.environments.gym_leaves import NUMERIC, Leaf, builder, digits, leaves
@@ -74,6 +73,8 @@ class AttributeState(gymnasium.ObservationWrapper[Any, Any, Any]):
             ) from error
         if isinstance(value, int | float):
             return [value + 0]  # of a flag a number
+        import numpy as np
+
         array = np.asarray(value)
         if array.dtype.kind not in NUMERIC:
             raise Improper(f"the attribute {name} is {value!r:.80}, which is no number")

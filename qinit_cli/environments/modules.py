@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from qinit_cli.environments.foreign import aside, ends_our_work, told
@@ -96,6 +97,26 @@ def registered_id(env_id: str) -> str:
             f"{env_id} comes from the module {module}, which is imported only where it is named: give --import {module}"
         )
     return bare
+
+
+def packages_of(env_id: str, wraps: Iterable[str]) -> tuple[str, ...]:
+    """The installed packages beside gymnasium that an id and what is put around it come from, by name, in order."""
+    module, _, bare = env_id.rpartition(":")
+    gymnasium = sys.modules.get("gymnasium")
+    spec = None if gymnasium is None else gymnasium.registry.get(bare)
+    maker = getattr(spec, "entry_point", None)
+    where = maker if isinstance(maker, str) else getattr(maker, "__module__", "")
+    modules = {name.partition(":")[0].partition(".")[0] for name in (module, where, *wraps)}
+    found = [package for name in modules - {"", "gymnasium"} for package in _packages().get(name, ())]
+    return tuple(sorted(set(found)))
+
+
+@cache
+def _packages() -> Mapping[str, list[str]]:
+    """The installed packages by the modules at their top."""
+    from importlib.metadata import packages_distributions
+
+    return packages_distributions()
 
 
 @dataclass(frozen=True)

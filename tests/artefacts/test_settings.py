@@ -167,6 +167,11 @@ def test_packages_that_a_family_depends_on_stand_beside_the_settings_and_not_in_
     family = FAMILIES["gym"](**NEEDED["gym"])
     made = SourcesSettings.of(SourceTasks(family, "q-learning", family.source_learning, 0), 5)
     assert settings.plug_ins(made) == {"gymnasium": version("gymnasium")}
+    modules = {"env_id": "quantecon:Anything-v0", "wrap": ["h5netcdf.core:File"]}
+    foreign = SourcesSettings.of(SourceTasks(Gym(**modules), "q-learning", family.source_learning, 0), 5)
+    assert settings.plug_ins(foreign) == {
+        name: version(name) for name in ("gymnasium", "h5netcdf", "quantecon")
+    }
     assert version("gymnasium") not in json.dumps(made.spec())
     assert settings.plug_ins(RunSettings.of(METHODS["zero"](), TARGETS, 10, HASH, FITTED)) == {}
 
