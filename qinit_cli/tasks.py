@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qinit_cli.environments.family import Family, draw_tasks
+from qinit_cli.environments.family import Family, Role, draw_tasks
 from qinit_cli.learning import Learning, curve_bins
 from qinit_cli.methods.targets import Targets
 from qinit_cli.seeding import Stream
 
 if TYPE_CHECKING:
     from qinit_cli.arrays import Floats, Integers, Tasks
-
-Role = Literal["source", "target"]
 
 MOMENTS = 30  # at most, at which weights are kept: enough for a picture on a logarithmic axis
 

@@ -7,7 +7,7 @@ the compiled kernels inside methods only, so that help stays fast.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import UNIT, Payment, ReturnBounds
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.batch import Worlds
     from qinit_store.schema import Axis, Column
+
+
+Role = Literal["source", "target"]
 
 
 class Family(Protocol):
@@ -152,13 +155,25 @@ class Family(Protocol):
         ...
 
 
-def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers) -> Tasks:
-    """The tasks at these indices of a stream, (B,), one field per parameter."""
+def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers | Sequence[int]) -> Tasks:
+    """The tasks at these indices of a stream, (B,), one field per parameter.
+
+    A family that has a method `task(index, role, rng)`, such as one whose tasks are listed in a file, is asked for them by
+    that; else `draw(rng)` knows of no index.
+    """
     import numpy as np
 
     dtype = np.dtype([(column.name, column.dtype) for column in family.parameters()])
-    drawn = [family.draw(generator(seed, stream, int(index))) for index in indices]
+    role: Role = "target" if stream is Stream.TARGET_TASK else "source"
+    task = getattr(family, "task", None) or (lambda index, role, rng: family.draw(rng))
+    drawn = [task(int(index), role, generator(seed, stream, int(index))) for index in indices]
     return np.array(drawn, dtype=dtype)
+
+
+def check_listed(family: Family, seed: int, stream: Stream, count: int) -> None:
+    """NotAllowed, before anything is learned, where a family that lists its tasks has none for the last of so many."""
+    if count and hasattr(family, "task"):
+        draw_tasks(family, seed, stream, [count - 1])
 
 
 def bounds_of(family: Family, gamma: float) -> ReturnBounds:

@@ -22,7 +22,7 @@ from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
 from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import import_factory, packages_of, with_module
-from qinit_cli.environments.variation import Variation, setting
+from qinit_cli.environments.variation import Variation, setting, stored
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats, Tasks
+    from qinit_cli.environments.family import Role
     from qinit_cli.kernels.batch import Worlds
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
@@ -55,8 +56,9 @@ class Gym(TableFamily):
     vary: list[str] | None = option(
         None,
         "What changes from task to task, a constructor argument or a number of the environment or its class: "
-        "normal:MEAN,STD, uniform:LOW,HIGH, or map:SIZE,FROZEN for a FrozenLake's desc; may be given several times.",
-        metavar="NAME=KIND:A,B",
+        "normal:MEAN,STD, uniform:LOW,HIGH, integer:LOW,HIGH, loguniform:LOW,HIGH, truncnorm:MEAN,STD,LOW,HIGH, choice:A|B|..., "
+        "file:PATH (a column of a CSV or .jsonl), or map:SIZE,FROZEN for a FrozenLake's desc; may be given several times.",
+        metavar="NAME=KIND:WHAT",
         default_text="nothing: all tasks are one",
     )
     set: list[str] | None = option(
@@ -164,7 +166,11 @@ class Gym(TableFamily):
         """The family, once the modules that it names are imported, as its id was typed; UsageError if an import fails."""
         for wrap in self._texts("wrap"):
             import_factory(wrap)
-        return replace(self, env_id=with_module(self.env_id))
+        return replace(self, env_id=with_module(self.env_id))._digested()
+
+    def _digested(self) -> Self:
+        """The family as it is stored, with the digests of the files that its tasks are drawn from."""
+        return replace(self, vary=[stored(text) for text in self._texts("vary")])
 
     @property
     def packages(self) -> tuple[str, ...]:
@@ -175,10 +181,7 @@ class Gym(TableFamily):
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
         parts = [self.env_id, *(str(value) for _, value in self._settings)]
-        parts += [
-            f"{each.name}-{each.kind[0].upper()}{each.numbers[0]:g}-{each.numbers[1]:g}"
-            for each in self._variations
-        ]
+        parts += [each.label for each in self._variations]
         parts += [f"wrap-{each.rpartition(':')[2]}" for each in self._texts("wrap")]
         parts += [f"state-{self.state}"] if self.state else []
         parts += [f"bins-{self.bins}"] if self.bins else []
@@ -279,18 +282,26 @@ class Gym(TableFamily):
             Column(
                 each.column,
                 ("task",),
-                each.dtype,
+                each.values.dtype,
                 "1",
-                f"{each.name}{', by its seed' if each.kind == 'map' else ''}",
-                low=each.bounds[0],
-                high=each.bounds[1],
+                each.description,
+                low=each.values.bounds[0],
+                high=each.values.bounds[1],
             )
             for each in self._variations
         )
 
     def draw(self, rng: np.random.Generator) -> tuple[float | int, ...]:
-        """One task: a value for all that is varied."""
-        return tuple(each.draw(rng) for each in self._variations)
+        """The first source task: a value for all that is varied."""
+        return self.task(0, "source", rng)
+
+    def task(self, index: int, role: Role, rng: np.random.Generator) -> tuple[float | int, ...]:
+        """The task at that index of sources or targets: a value for all that is varied."""
+        return tuple(each.draw(rng, index, role) for each in self._variations)
+
+    def shifted(self, changes: dict[str, Any]) -> Self:
+        """The family with some fields changed; ValueError where tables of this family would not fit."""
+        return super().shifted(changes)._digested()
 
     def tables(self, tasks: Tasks) -> Tables:
         """Where the steps of each task lead; their rewards with `native` alone."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import ast
-import math
 import re
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from qinit_cli.environments.foreign import aside
-from qinit_cli.errors import UsageError
+from qinit_cli.environments.file_rows import literal
+from qinit_cli.environments.varied_values import KINDS, FileRows, Values
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from qinit_cli.environments.family import Role
+
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-NUMBERS = {"normal": "MEAN,STD", "uniform": "LOW,HIGH", "map": "SIZE,FROZEN"}
 # what sources, runs and their exported tables have under these names already, beside axes of states
 TAKEN = frozenset(
     [
@@ -58,40 +56,35 @@ TAKEN = frozenset(
 )
 AXIS = re.compile(r"state|row|col|x\d+")
 LONGEST = 64  # letters of a column's name
-MAP_SEEDS = 2**31
-MAP_TRIES = 1000
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A constructor argument or an attribute that each task draws: normal, uniform, or a FrozenLake map."""
+    """A constructor argument or an attribute that each task draws."""
 
     name: str
     kind: str
-    numbers: tuple[float, float]
+    values: Values
 
     @classmethod
-    def read(cls, text: str) -> Variation:
-        """The variation in NAME=normal:MEAN,STD, NAME=uniform:LOW,HIGH or NAME=map:SIZE,FROZEN; ValueError for any other."""
-        name, equals, told = text.partition("=")
-        kind, colon, numbers = told.partition(":")
-        try:
-            first, second = (float(number) for number in numbers.split(","))
-        except ValueError:
-            colon = ""
-        if not (equals and colon and NAME.fullmatch(name) and kind in NUMBERS):
+    def read(cls, text: str) -> Self:
+        """The variation in NAME=KIND:WHAT; ValueError where there is none."""
+        name, _, told = text.partition("=")
+        kind, colon, what = told.partition(":")
+        if not (colon and NAME.fullmatch(name) and kind in KINDS):
             raise ValueError(
-                f"--vary {text}: write {' or '.join(f'NAME={k}:{v}' for k, v in NUMBERS.items())}"
+                f"--vary {text}: write {' or '.join(f'NAME={k}:{v.form}' for k, v in KINDS.items())}"
             )
         if len(name) > LONGEST:
             raise ValueError(
                 f"--vary {text}: {name} has {len(name)} letters; a column of an artefact has {LONGEST} at most"
             )
-        if not (math.isfinite(first) and math.isfinite(second)):
-            raise ValueError(f"--vary {text}: the numbers must be finite")
-        if fault := _fault(kind, first, second):
-            raise ValueError(f"--vary {text}: {fault}")
-        return cls(name, kind, (first, second))
+        try:
+            return cls(name, kind, KINDS[kind].read(what, name))
+        except ValueError as error:
+            raise ValueError(
+                f"--vary {text}: {str(error) or f'write NAME={kind}:{KINDS[kind].form}'}"
+            ) from error
 
     @property
     def column(self) -> str:
@@ -100,66 +93,30 @@ class Variation:
         return f"{name}_drawn" if name in TAKEN or AXIS.fullmatch(name) else name
 
     @property
-    def dtype(self) -> str:
-        """Of the drawn value; a map is told by its seed."""
-        return "<i8" if self.kind == "map" else "<f8"
+    def label(self) -> str:
+        """What it is in an artefact's name."""
+        return f"{self.name}-{self.values.label}"
 
     @property
-    def bounds(self) -> tuple[float | None, float | None]:
-        """The least and the largest value that is drawn; None where there is none."""
-        match self.kind:
-            case "map":
-                return 0, MAP_SEEDS - 1
-            case "uniform":
-                return self.numbers
-            case _:
-                return None, None
+    def description(self) -> str:
+        """What the drawn value is."""
+        return ", ".join(part for part in (self.name, self.values.note) if part)
 
-    def draw(self, rng: np.random.Generator) -> float | int:
-        """One value, or the seed of a map."""
-        if self.kind == "map":
-            return int(rng.integers(MAP_SEEDS))
-        return float(rng.normal(*self.numbers) if self.kind == "normal" else rng.uniform(*self.numbers))
+    def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
+        """The drawn value of the task at that index of sources or targets."""
+        return self.values.draw(rng, index, role)
 
     def value(self, drawn: float | int) -> Any:
         """What the environment is given."""
-        if self.kind != "map":
-            return float(drawn)
-        with aside():  # gymnasium's plug-ins are imported with it
-            from gymnasium.envs.toy_text.frozen_lake import generate_random_map
-
-        size, frozen = int(self.numbers[0]), self.numbers[1]
-        if not _map_is_found(size, frozen):
-            raise UsageError(
-                f"--vary {self.name}=map:{size},{frozen:g}: of {MAP_TRIES} such maps none can be solved; raise FROZEN"
-            )
-        return generate_random_map(size=size, p=frozen, seed=int(drawn))
+        return self.values.value(drawn)
 
 
-@lru_cache
-def _map_is_found(size: int, frozen: float) -> bool:
-    """Whether a map that can be solved is found soon: gymnasium's generator would look for one without end."""
-    import numpy as np
-    from gymnasium.envs.toy_text.frozen_lake import is_valid
-
-    rng = np.random.Generator(np.random.PCG64(0))
-    for _ in range(MAP_TRIES):
-        board = np.where(rng.random((size, size)) < frozen, "F", "H")
-        board[0, 0], board[-1, -1] = "S", "G"
-        if is_valid(board.tolist(), size):
-            return True
-    return False
-
-
-def _fault(kind: str, first: float, second: float) -> str:
-    match kind:
-        case "normal" if second < 0:
-            return "the standard deviation is negative"
-        case "uniform" if first > second:
-            return "LOW is above HIGH"
-        case "map" if first < 2 or first != int(first) or not 0 < second <= 1:
-            return "SIZE is a whole number from 2, FROZEN a share above 0"
-    return ""
+def stored(text: str) -> str:
+    """The words of a variation as they are stored: of a file, with the digest of what it holds, unless they have one."""
+    variation = Variation.read(text)
+    if isinstance(variation.values, FileRows):
+        return f"{variation.name}={variation.kind}:{variation.values.stored()}"
+    return text
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -167,9 +124,4 @@ def setting(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not (equals and NAME.fullmatch(name)):
         raise ValueError(f"--set {text}: write NAME=VALUE")
-    if value.lstrip("+-") in ("nan", "inf"):  # numbers, whatever becomes of them
-        return name, float(value)
-    try:
-        return name, ast.literal_eval(value)
-    except (ValueError, SyntaxError):
-        return name, value
+    return name, literal(value)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.environments.family import Family, bounds_of
+from qinit_cli.environments.family import Family, bounds_of, check_listed
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -60,6 +60,7 @@ def targets_of(
         learning.evaluate_every,
     )
     count = learning.tasks or family.target_tasks
+    check_listed(family, targets.seed, targets.streams.task, count)
     episode = EPISODE_BYTES + RETURN_BYTES * tells_returns(family, settings.gamma)
     check_artefact(Footprint(count, settings.episodes * episode + targets.evaluations * EVALUATION_BYTES))
     return targets, count

@@ -1,0 +1,93 @@
+"""The rows of a file in which tasks are listed: a CSV with a header, or a line of JSON each."""
+
+from __future__ import annotations
+
+import ast
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePath
+from typing import Any
+
+from qinit_cli.environments.family import Role
+from qinit_cli.errors import UsageError
+
+LARGEST = 2**53  # whole numbers beyond it are not all told apart by a float
+SPLIT = "split"  # a column of this name tells whose a row is
+JSON_LINES = (".jsonl", ".ndjson")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What a file of tasks has."""
+
+    columns: dict[str, tuple[Any, ...]]
+    whose: tuple[Role, ...]  # of each row
+    digest: str  # SHA-256 of its bytes, in hexadecimal
+
+
+def read_rows(path: str) -> Rows:
+    """The columns of a CSV or of JSON lines; UsageError, one sentence, where it is neither."""
+    try:
+        stat = Path(path).stat()
+        return _read_rows(path, stat.st_mtime_ns, stat.st_size)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be read ({error.strerror}); tasks are drawn from it, so put it there"
+        ) from error
+
+
+@lru_cache(16)
+def _read_rows(path: str, changed: int, size: int) -> Rows:
+    import csv
+    import hashlib
+    import json
+
+    content = Path(path).read_bytes()
+    try:
+        text = content.decode("utf-8-sig")
+        if PurePath(path).suffix in JSON_LINES:
+            rows = [json.loads(line) for line in text.splitlines() if line.strip()]
+            if not all(isinstance(row, dict) for row in rows):
+                raise ValueError("a line is no object")
+        else:
+            table = list(csv.DictReader(text.splitlines(), strict=True))
+            if any(None in row or None in row.values() for row in table):
+                raise ValueError("a row has more or fewer fields than the header")
+            rows = [{key: literal(value) for key, value in row.items()} for row in table]
+    except (ValueError, csv.Error) as error:
+        raise UsageError(f"{path} is no CSV with a header, and no .jsonl of objects: {error}") from error
+    if not rows:
+        raise UsageError(f"{path} has no rows")
+    if uneven := next((place for place, row in enumerate(rows) if row.keys() != rows[0].keys()), 0):
+        raise UsageError(f"row {uneven} of {path} has other columns than row 0")
+    columns = {key: tuple(row[key] for row in rows) for key in rows[0]}
+    return Rows(columns, _whose(path, columns, len(rows)), hashlib.sha256(content).hexdigest())
+
+
+def _whose(path: str, columns: dict[str, tuple[Any, ...]], count: int) -> tuple[Role, ...]:
+    if SPLIT not in columns:
+        return tuple("target" if place % 2 else "source" for place in range(count))
+    for place, whose in enumerate(columns[SPLIT]):
+        if whose not in ("source", "target"):
+            raise UsageError(f"row {place} of {path} has the {SPLIT} {whose!r:.40}; write source or target")
+    return columns[SPLIT]
+
+
+def literal(text: str) -> Any:
+    """What Python writes so, nan and inf among it, else the text itself."""
+    if text.lstrip("+-") in ("nan", "inf"):  # numbers, whatever becomes of them
+        return float(text)
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
+
+
+def is_number(value: Any) -> bool:
+    """Whether a column of floats or of whole numbers holds it as it is."""
+    if isinstance(value, bool):
+        return False
+    return (isinstance(value, int) and abs(value) < LARGEST) or (
+        isinstance(value, float) and math.isfinite(value)
+    )
