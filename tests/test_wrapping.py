@@ -44,7 +44,7 @@ def test_on_a_terminal_no_line_is_wider_and_no_word_is_broken() -> None:
             "ucoi was chosen among six; qinit transfer ucoi FIT --tuned a.h5 takes it",
             "qinit transfer ucoi FIT --tuned a.h5",
         ),
-        ("--dask needs another package: pip install 'qinit[dask]'", "pip install 'qinit[dask]'"),
+        ("--dask needs another package: pip install -e '.[dask]'", "pip install -e '.[dask]'"),
         (
             "finish what is unfinished with `qinit train-sources gridworld -o a.h5`",
             "`qinit train-sources gridworld -o a.h5`",

@@ -51,7 +51,9 @@ def made(recipe: Recipe) -> Any:
         with aside():  # its plug-ins are imported with it
             import gymnasium
     except ImportError as error:
-        raise UsageError("gym needs the package gymnasium: pip install 'qinit[gym]'") from error
+        raise UsageError(
+            "gym needs the package gymnasium: in your clone of qinit, pip install -e '.[gym]'"
+        ) from error
     env_id = recipe.env_id
     bare = registered_id(env_id)
     with aside():

@@ -262,9 +262,8 @@ def _check_bounds(recipe: Recipe, sides: list[tuple[float, float, Leaf]]) -> Non
     if unbounded:
         dimensions = "dimension" if len(unbounded) == 1 else "dimensions"
         ranges = " ".join(f"--range {place}=LOW:HIGH" for place in unbounded)
-        names = (
-            f", of {', '.join(sides[place][2].name for place in unbounded)} in turn" if recipe.state else ""
-        )
+        called = [sides[place][2].name for place in unbounded]
+        names = "" if called == list(map(str, unbounded)) else f", of {', '.join(called)} in turn"
         raise UsageError(
             f"{recipe} sets no bounds to {dimensions} {' and '.join(map(str, unbounded))} of what it observes; give "
             f"{ranges}{names}"

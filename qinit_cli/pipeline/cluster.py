@@ -113,7 +113,9 @@ def connected(place: str) -> Iterator[Client]:
     try:
         from distributed import Client
     except ImportError as error:
-        raise UsageError("--dask needs the package distributed: pip install 'qinit[dask]'") from error
+        raise UsageError(
+            "--dask needs the package distributed: in your clone of qinit, pip install -e '.[dask]'"
+        ) from error
     _quieten()
     address = _address(place)
 

@@ -168,7 +168,7 @@ def test_without_pyarrow_parquet_is_refused_with_what_to_install(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     ended = here("export", pipeline.fit, "-o", tmp_path / "f.parquet")
     assert ended.code == 2
-    assert "pip install 'qinit[parquet]'" in ended.err
+    assert "pip install -e '.[parquet]'" in ended.err
     assert len(ended.err.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 

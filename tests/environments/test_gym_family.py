@@ -249,7 +249,7 @@ def test_a_state_beyond_those_there_are_is_refused(monkeypatch: pytest.MonkeyPat
 
 def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
-    with pytest.raises(UsageError, match=r"pip install 'qinit\[gym\]'"):
+    with pytest.raises(UsageError, match=r"in your clone of qinit, pip install -e '\.\[gym\]'"):
         made_by_gymnasium(Recipe("FrozenLake-v1"))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -22,6 +23,7 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.gym_episodes import shortest_cut
 from qinit_cli.environments.gym_spaces import seen
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.kernels.worlds import GOAL
 from qinit_cli.seeding import Stream
 
 NESTED = spaces.Tuple(
@@ -285,3 +287,66 @@ def test_blackjack_is_learned_as_its_odds_have_it() -> None:
     clear = np.abs(exact[..., 0] - exact[..., 1]) > 0.3
     assert clear.sum() == 46
     assert (q.argmax(axis=2) == exact.argmax(axis=2))[clear].all()
+
+
+class Contexts(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Takes contexts by its constructor and sets one of them at every reset, as CARL's environments do."""
+
+    def __init__(self, contexts: Any = None) -> None:
+        super().__init__(walks.Walk())
+        self.contexts = contexts or {0: {"slip": 0.3}}
+        self.observation_space = spaces.Dict(
+            {"obs": self.env.observation_space, "context": spaces.Dict({"slip": spaces.Box(0.0, 1.0, ())})}
+        )
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        [(number, context)] = self.contexts.items()
+        for name, value in context.items():
+            setattr(self.env.unwrapped, name, value)
+        observation, _ = self.env.reset(seed=seed)
+        return {"obs": observation, "context": context}, {"context_id": number}
+
+
+def test_contexts_are_tasks_one_of_each_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    slips = (0.0, 0.25, 1.0)
+    Path("contexts.jsonl").write_text(
+        "\n".join(json.dumps({"contexts": {str(line): {"slip": slip}}}) for line, slip in enumerate(slips))
+    )
+    gymnasium.register("Contexts-v0", entry_point=Contexts, disable_env_checker=True)
+    try:
+        family = Gym(
+            env_id="Contexts-v0",
+            goal="terminated",
+            vary=["contexts=file:contexts.jsonl"],
+            state="cell",
+            range=["0=0:5"],
+        )
+        tasks = [
+            draw_tasks(family, 0, stream, np.arange(1))[0]
+            for stream in (Stream.SOURCE_TASK, Stream.TARGET_TASK)
+        ]
+        surely = draw_tasks(family, 0, Stream.SOURCE_TASK, np.arange(2))[1]
+        for task, slip in zip((*tasks, surely), slips, strict=True):
+            episodes = family._episodes(task, 10)
+            assert episodes.start(0) == 0
+            assert episodes._env.unwrapped.slip == slip
+        assert [episodes.step(action) for action in (0, 0, 1)] == [1, 2, 1]  # slips every time
+        assert family.shape == (6,)
+    finally:
+        del gymnasium.registry["Contexts-v0"]
+
+
+def test_minigrid_is_learned_by_where_the_agent_stands_and_looks() -> None:
+    pytest.importorskip("minigrid")
+    place = {"state": "agent_pos,agent_dir", "range": ["0=0:4", "1=0:4", "2=0:3"]}
+    grid = Gym(env_id="minigrid:MiniGrid-Empty-5x5-v0", goal="reward>0", **place).imported()
+    assert grid.shape == (5, 5, 4)
+    assert grid.packages == ("gymnasium", "minigrid")
+    episodes = episodes_of(grid)
+    left, right, forward = 0, 1, 2
+    way = [episodes.start(0), *map(episodes.step, (forward, left, right, right, forward, forward))]
+    # from (1, 1) looking right to (2, 1), north, east, south, and down a column of the room
+    states = [(1, 1, 0), (2, 1, 0), (2, 1, 3), (2, 1, 0), (2, 1, 1), (2, 2, 1), (2, 3, 1)]
+    assert way == [np.ravel_multi_index(state, grid.shape) for state in states]
+    assert [episodes.step(action) for action in (left, forward)][-1] == GOAL

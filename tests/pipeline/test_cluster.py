@@ -259,7 +259,7 @@ def test_without_the_package_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "distributed", None)
     ended = here("train-sources", "gridworld", "--dask", "tcp://127.0.0.1:9")
     assert ended.code == 2
-    assert "pip install 'qinit[dask]'" in ended.err
+    assert "pip install -e '.[dask]'" in ended.err
 
 
 SCHEMA = Schema(
