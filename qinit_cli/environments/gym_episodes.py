@@ -34,6 +34,10 @@ class Episodes:
         native: bool = False,
     ) -> None:
         self._id, self._env, self._seen, self._horizon = env_id, env, seen, horizon
+        from qinit_cli.kernels import worlds
+
+        self._goal, self._lost, self._cut = worlds.GOAL, worlds.LOST, worlds.CUT
+        self._step = env.step
         self._reached, self._survival = verdict(goal), goal == SURVIVED
         self._time = 0
         self.paid = 0.0  # the last step's reward, where `native`
@@ -46,17 +50,15 @@ class Episodes:
 
     def step(self, action: int) -> int:
         """The state that the action leads to, GOAL, LOST, or CUT less the state in which the environment cuts the episode off."""
-        from qinit_cli.kernels.worlds import CUT, GOAL, LOST
-
         try:
-            observation, reward, terminated, truncated, _ = self._env.step(action)
+            observation, reward, terminated, truncated, _ = self._step(action)
             self._time += 1
             if self._native:
                 self.paid = _finite(reward)
             if terminated:
-                return GOAL if self._reached(reward) else LOST
+                return self._goal if self._reached(reward) else self._lost
             if self._survival and self._time == self._horizon:
-                return GOAL
+                return self._goal
             if not truncated:
                 return self._seen(observation)
             if self._survival:
@@ -64,7 +66,7 @@ class Episodes:
                     f"{self._id} cut an episode off after {self._time} steps, and --goal survived makes the horizon of "
                     f"{self._horizon} the goal; give --horizon {self._time}"
                 )
-            return CUT - self._seen(observation)
+            return self._cut - self._seen(observation)
         except BaseException as error:
             raise fault(self._id, f"step({action})", error) from error
 

@@ -110,7 +110,7 @@ def row(observed: Any, length: int) -> list[float | int]:
     import numpy as np
 
     try:
-        array = np.asarray(observed)
+        array = observed if type(observed) is np.ndarray else np.asarray(observed)
         numbers = array.astype(np.float64) if array.dtype.kind == "O" else array
     except (TypeError, ValueError):  # of several lengths, or what float() does not take
         numbers = array = np.empty(0)

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -78,8 +78,28 @@ class Seen:
         """The table's state that an observation is in; beyond the bins, in the last; Improper where there is none."""
         if not self.dimensions:
             return numbered(observation, self.first, self.states)
+        row = self.row(observation)
         state = 0
-        for number, (value, dimension) in enumerate(zip(self.row(observation), self.dimensions, strict=True)):
+        for value, (low, span, count, bins) in zip(
+            row, self._bins, strict=False
+        ):  # most steps are done with this
+            place = (value - low) / span * count
+            if not 0.0 <= place < count:  # nor where the value is no number
+                return self._careful(row)
+            state = state * bins + int(place)
+        return state if self._bins else self._careful(row)
+
+    @cached_property
+    def _bins(self) -> list[tuple[float, float, float, int]]:
+        """Of each dimension where the bins begin, what they cover and how many there are; none if one is of whole numbers."""
+        if any(each.whole for each in self.dimensions):
+            return []
+        return [(each.low, each.high - each.low, float(each.length), each.length) for each in self.dimensions]
+
+    def _careful(self, row: list[Any]) -> int:
+        """The state of these numbers, wherever they are; Improper where there is none."""
+        state = 0
+        for number, (value, dimension) in enumerate(zip(row, self.dimensions, strict=True)):
             place = _numbered if dimension.whole else self._bin
             state = state * dimension.length + place(value, number, dimension)
         return state
