@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from qinit_cli.nearest import nearest
@@ -67,7 +68,7 @@ def _key(field: str) -> str:
 
 
 def _typed(value: str, hint: Any) -> Any:
-    """The value as the annotation has it, a number or true or false; as it is where it has neither."""
+    """The value as the annotation has it, a number, true or false or a path; as it is where it has none of them."""
     hints = get_args(hint) or (hint,)
     if bool in hints and value in TRUTH:
         return TRUTH[value]
@@ -77,4 +78,4 @@ def _typed(value: str, hint: Any) -> Any:
                 return kind(value)
             except ValueError as error:
                 raise ValueError(f"{value!r} is no {noun}") from error
-    return value
+    return Path(value) if Path in hints else value

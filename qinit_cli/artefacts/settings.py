@@ -72,6 +72,9 @@ LEFT_OUT = (
     "returns",
     "wrap",
     "state",
+    "map",
+    "goals_per_task",
+    "slip_per",
 )  # not stored at their defaults, as before families had these options
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 

@@ -43,8 +43,9 @@ class Group:
     @cached_property
     def parameters(self) -> tuple[inspect.Parameter, ...]:
         """The options as keyword parameters that typer reads; made once, as many commands share a group."""
-        hints = {name: _typed(hint) for name, hint in get_type_hints(self.owner).items()}
-        return tuple(self._parameter(option, hints[option.name]) for option in options(self.owner))
+        return tuple(
+            self._parameter(option, _typed(self._hints[option.name])) for option in options(self.owner)
+        )
 
     @cached_property
     def seldom(self) -> tuple[str, ...]:
@@ -54,9 +55,18 @@ class Group:
     def instance(self, values: Mapping[str, Any]) -> Any:
         """The dataclass made from parsed options; UsageError, one sentence, where they cannot be meant so."""
         try:
-            return self.owner(**{option.name: values[option.name] for option in options(self.owner)})
+            return self.owner(**{name: self._given(name, values[name]) for name in self._hints})
         except ValueError as error:
             raise UsageError(str(error)) from error
+
+    @cached_property
+    def _hints(self) -> dict[str, Any]:
+        hints = get_type_hints(self.owner)
+        return {option.name: hints[option.name] for option in options(self.owner)}
+
+    def _given(self, name: str, value: Any) -> Any:
+        """The value, a path where the option may be one."""
+        return Path(value) if isinstance(value, str) and Path in get_args(self._hints[name]) else value
 
     def _parameter(self, option: Field[Any], hint: Any) -> inspect.Parameter:
         meta = option.metadata

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -16,6 +17,7 @@ from qinit_cli.commands.typer_commands import Reference, add_command
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from qinit_cli.arrays import Flags
     from qinit_cli.artefacts.kind import Shown
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis
@@ -44,19 +46,23 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
+    from qinit_cli.plots.state_axes import closed_states
 
     with open_artefact(references.one(artefact, reading.store)) as opened:
         shown = KINDS[opened.kind].shown(opened)
         told = finite(_told(opened, shown))
         states = _states(opened)
-        warnings = outdated(KINDS[opened.kind].read(opened.spec))
+        settings = KINDS[opened.kind].read(opened.spec)
+    family = settings.sources.family.here if shown.drawn == "heatmap" else None
+    closed = {} if family is None else closed_states(family)
+    warnings = outdated(settings)
     for warning in warnings:
         note(display, f"warning: {warning}")
     match tabular.chosen:
         case "table":
             terminal = _terminal(display)
             print_sections(told, terminal)
-            _print_picture(shown, states, terminal)
+            _print_picture(shown, states, closed, terminal)
         case "json":
             print(json.dumps({"schema": SCHEMA, **told}, allow_nan=False))
         case _:
@@ -161,7 +167,7 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
     return [line for key, part in parts for line in flat(part, f"{above}.{key}" if above else str(key))]
 
 
-def _print_picture(shown: Shown, states: list[Axis], terminal: Console) -> None:
+def _print_picture(shown: Shown, states: list[Axis], closed: Mapping[str, Flags], terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
     from qinit_cli.plots.terminal.curve import curve
     from qinit_cli.plots.terminal.heatmap import MapAxis, heatmap
@@ -180,7 +186,7 @@ def _print_picture(shown: Shown, states: list[Axis], terminal: Console) -> None:
             if len(states) != 2:
                 return  # a map has two axes
             rows, columns = (MapAxis(axis.name, [float(value) for value in axis.values]) for axis in states)
-            lines = heatmap(shown.picture, rows, columns, sheet)
+            lines = heatmap(shown.picture, rows, columns, sheet, closed)
     terminal.print(f"\n{shown.title}", style="bold")
     for line in lines:
         terminal.print(line, no_wrap=True, overflow="crop")

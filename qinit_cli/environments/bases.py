@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.errors import NotAllowed
@@ -86,6 +86,10 @@ class NeutralFamily:
         import numpy as np
 
         return np.zeros(int(np.prod(self.shape)))
+
+    def closed(self) -> Mapping[str, Flags]:
+        """Nothing: all states are open."""
+        return {}
 
     def shifted(self, changes: dict[str, Any]) -> Self:
         """The family with some fields changed; ValueError where tables of this family would not fit."""

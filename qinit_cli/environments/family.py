@@ -6,7 +6,7 @@ the compiled kernels inside methods only, so that help stays fast.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 from qinit_cli.learning import Learning
@@ -66,6 +66,10 @@ class Family(Protocol):
 
     def goal_chances(self) -> Floats:
         """How likely each state is to be a task's goal, (S,); zeros where all tasks share one goal."""
+        ...
+
+    def closed(self) -> Mapping[str, Flags]:
+        """The states that no episode is in, (S,), by what stands there, "wall" or "hole"; empty where all are open."""
         ...
 
     def parameters(self) -> tuple[Column, ...]:

@@ -97,7 +97,7 @@ class MixtureGridworld(SlipperyGrid):
         shares = _each("weights", self.weights, len(means))
         variances = _each("variances", self.variances, len(means))
         return [
-            (share / sum(shares), NormalGoals(self.size, *mean, variance))
+            (share / sum(shares), NormalGoals(self.grid, *mean, variance))
             for share, mean, variance in zip(shares, means, variances, strict=True)
         ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -113,6 +113,10 @@ class MountainCar:
         import numpy as np
 
         return np.zeros(self.bins**2)
+
+    def closed(self) -> Mapping[str, Flags]:
+        """Nothing: all states are open."""
+        return {}
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: its push."""

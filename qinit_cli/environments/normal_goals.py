@@ -1,10 +1,13 @@
-"""Goals around a mean: a normal rounded to the cells of a grid, redrawn off the grid and at the target start (0, 0)."""
+"""Goals around a mean: a normal rounded to the cells of a grid, redrawn where no goal may be: off the grid, and at starts."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
+
+from qinit_cli.environments.grid_map import GridMap
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,49 +21,52 @@ LEAST_MASS = (
 
 @dataclass(frozen=True)
 class NormalGoals:
-    """A normal around (row, column), with the same variance along both; ValueError if it hardly meets the grid."""
+    """A normal around (row, column), with the same variance along both; ValueError if it hardly meets places for goals.
 
-    size: int
+    As many as `several` goals are drawn for a task: it must meet places for goals without the likeliest ones as well.
+    """
+
+    grid: GridMap
     row: float
     column: float
     variance: float
+    several: int = 1
 
     def __post_init__(self) -> None:
-        if self._mass_on_grid() < LEAST_MASS:
+        if _left(self) < LEAST_MASS:
             mean = f"{self.row:g}" if self.row == self.column else f"{self.row:g}:{self.column:g}"
+            rows, columns = self.grid.shape
+            others = f" beside {self.several - 1} others" if self.several > 1 else ""
             raise ValueError(
-                f"goals with mean {mean} and variance {self.variance:g} fall on the {self.size} x {self.size} grid, "
-                f"start apart, less than once in 100 draws; choose a mean on the grid"
+                f"goals with mean {mean} and variance {self.variance:g} fall on the {rows} x {columns} grid{others}, "
+                f"start and walls apart, less than once in 100 draws; choose a mean on the grid"
             )
 
     def draw(self, rng: np.random.Generator) -> tuple[int, int]:
         """A goal's row and column."""
-        row, column = 0, 0
-        while (row, column) == (0, 0) or not (0 <= row < self.size and 0 <= column < self.size):
+        while True:
             place = rng.normal((self.row, self.column), math.sqrt(self.variance))
             row, column = (round(float(coordinate)) for coordinate in place)
-        return row, column
+            if self.grid.is_goal_place(row, column):
+                return row, column
 
     def probabilities(self) -> Floats:
-        """How likely each cell is to be the goal, (S,)."""
+        """How likely each cell is to be a goal, drawn alone, (S,)."""
         import numpy as np
 
-        down, across = (
-            np.array([self._within(mean, cell - 0.5, cell + 0.5) for cell in range(self.size)])
-            for mean in (self.row, self.column)
-        )
-        probabilities: Floats = np.outer(down, across).ravel()
-        probabilities[0] = 0.0
+        probabilities: Floats = np.zeros(len(self.grid.moves))
+        places = list(self.grid.goal_places)
+        probabilities[places] = np.outer(*self._along()).ravel()[places]
         probabilities /= probabilities.sum()
         return probabilities
 
-    def _mass_on_grid(self) -> float:
-        """The probability that one draw is on the grid and not the target start."""
-        on_grid, at_start = (
-            self._within(self.row, -0.5, edge) * self._within(self.column, -0.5, edge)
-            for edge in (self.size - 0.5, 0.5)
+    def _along(self) -> tuple[list[float], list[float]]:
+        """The probability of each row and of each column."""
+        rows, columns = (
+            [self._within(mean, cell - 0.5, cell + 0.5) for cell in range(cells)]
+            for mean, cells in zip((self.row, self.column), self.grid.shape, strict=True)
         )
-        return on_grid - at_start
+        return rows, columns
 
     def _within(self, mean: float, low: float, high: float) -> float:
         deviation = math.sqrt(self.variance)
@@ -74,3 +80,12 @@ class NormalGoals:
             math.erf((high - mean) / deviation / math.sqrt(2))
             - math.erf((low - mean) / deviation / math.sqrt(2))
         ) / 2
+
+
+@lru_cache(maxsize=64)
+def _left(goals: NormalGoals) -> float:
+    """The probability that one draw meets a place for goals that is none of the likeliest, as many as the other goals."""
+    down, across = goals._along()
+    places = (goals.grid.place(cell) for cell in goals.grid.goal_places)
+    masses = [down[row] * across[column] for row, column in places]
+    return math.fsum(masses) - math.fsum(sorted(masses)[len(masses) - goals.several + 1 :])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from qinit_cli.environments.bases import TableFamily
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import REWARD, Reward, in_label
@@ -191,11 +192,8 @@ class WindyGridworld(TableFamily):
 
     def _moves(self) -> Integers:
         """The cell that each move leads to, (S, 4); from the goal none leads away."""
-        import numpy as np
 
-        from qinit_cli.kernels.gridworld import neighbours
-
-        moves = neighbours(self.size).reshape(-1, 4).astype(np.int64)
+        moves = open_map(self.size).moves.astype(np.int64)
         moves[self._goal] = self._goal
         return moves
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -15,7 +15,16 @@ from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import distinct, distribution, listed, number, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, alike, firsts, states
-from qinit_cli.plots.state_axes import ANY_SHAPE, Side, sides, ticks
+from qinit_cli.plots.state_axes import (
+    ANY_SHAPE,
+    Side,
+    closed_states,
+    closed_words,
+    draw_closed,
+    sides,
+    ticks,
+    without_closed,
+)
 from qinit_cli.plots.style import (
     COLUMN,
     TALLEST,
@@ -37,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from numpy.typing import NDArray
 
-    from qinit_cli.arrays import Floats
+    from qinit_cli.arrays import Flags, Floats
     from qinit_cli.environments import Family
     from qinit_cli.plots.panels import Panels
 
@@ -149,28 +158,39 @@ def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Ite
     """The probabilities of the goal, where it differs from task to task."""
     from qinit_cli.plots.style import CHANCE_COLOURS
 
+    closed = _closed(found, names)
     probabilities = {
         ("goals", name): panels.family.goal_chances().reshape(shape)
         for name, panels in zip(names, found, strict=True)
     }
-    changing = {name: probability for name, probability in probabilities.items() if probability.any()}
+    changing = {
+        (row, name): without_closed(probability, closed[name])
+        for (row, name), probability in probabilities.items()
+        if probability.any()
+    }
     if changing:
-        yield Layer("probability that the goal is there", changing, logarithmic=True, colours=CHANCE_COLOURS)
+        label = "probability that the goal is there"
+        yield Layer(label, changing, logarithmic=True, colours=CHANCE_COLOURS, closed=closed)
+
+
+def _closed(found: list[Panels], names: list[str]) -> dict[str, dict[str, Flags]]:
+    """The closed states of each column."""
+    return {name: closed_states(panels.family) for name, panels in zip(names, found, strict=True)}
 
 
 def _layer(
     found: list[Panels], names: list[str], shape: tuple[int, int], quantity: str, *, logarithmic: bool
 ) -> Layer:
     """What was asked for."""
-
+    closed = _closed(found, names)
     tables = {
-        (row, name): table.reshape(shape)
+        (row, name): without_closed(table.reshape(shape), closed[name])
         for name, panels in zip(names, found, strict=True)
         for row, table in panels.tables.items()
     }
     if logarithmic and any((table < 0).any() for table in tables.values()):
         raise UsageError(f"--scale log: {quantity} has values below 0; use --scale linear")
-    return Layer(found[0].label, tables, logarithmic=logarithmic)
+    return Layer(found[0].label, tables, logarithmic=logarithmic, closed=closed)
 
 
 def _alt(layer: Layer, names: list[str], upright: Side, across: Side) -> str:
@@ -208,6 +228,9 @@ class Layer:
     panels: Mapping[tuple[str, str], Floats]
     logarithmic: bool = False
     colours: str = VALUE_COLOURS
+    closed: Mapping[str, Mapping[str, Flags]] = field(
+        default_factory=dict
+    )  # by column, (upright, across) of what stands there
 
 
 @dataclass(frozen=True)
@@ -255,7 +278,9 @@ def heatmaps(layers: Sequence[Layer], upright: Side, across: Side, title: str, w
     for layer in layers:
         colours = _colours(layer)
         for name, values in layer.panels.items():
-            image = _draw(panels[grid.place(*name)], values, (upright, across), layer, colours)
+            axes = panels[grid.place(*name)]
+            image = _draw(axes, values, (upright, across), layer, colours)
+            draw_closed(axes, layer.closed.get(name[1], {}), (upright, across))
         if grid.wrapped:
             _bar_beneath(figure, image, layer, list(panels.flat), width)
         else:
@@ -363,9 +388,13 @@ def _end(image: AxesImage) -> Literal["min", "neither"]:
 def _label(image: AxesImage, layer: Layer, room: float) -> str:
     import numpy as np
 
-    unknown = any(np.isnan(values).any() for values in layer.panels.values())
+    closed = {column: np.any(list(own.values()), axis=0) for column, own in layer.closed.items() if own}
+    unknown = any(
+        (np.isnan(values) & ~closed.get(column, np.zeros((), np.bool_))).any()
+        for (_, column), values in layer.panels.items()
+    )
     label = layer.label + ("; grey: no source knows" if unknown else "")
-    return folded(label, room)
+    return folded(label + closed_words(name for own in layer.closed.values() for name in own), room)
 
 
 def _finish_bar(bar: Colorbar, image: AxesImage, label: str) -> None:

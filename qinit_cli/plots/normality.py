@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -13,7 +13,7 @@ from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, firsts
-from qinit_cli.plots.state_axes import ANY_SHAPE, Side, sides, ticks
+from qinit_cli.plots.state_axes import ANY_SHAPE, Side, closed_states, closed_words, draw_closed, sides, ticks
 from qinit_cli.plots.style import COLUMN, TEXT, VALUE_COLOURS, folded, house_style, plain_numbers
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-    from qinit_cli.arrays import Floats
+    from qinit_cli.arrays import Flags, Floats
     from qinit_cli.environments import Family
     from qinit_store.reading import Artefact
 
@@ -114,14 +114,15 @@ def _tested(artefact: Artefact, family: Family, of: str, action: str) -> list[Ma
             f"{artefact.path} has no test of {QUANTITIES[of]}; fit its sources again with {TESTED_BY[of]}"
         )
     statistic, p, mean = (artefact.read(name) for name in (f"{prefix}_w", f"{prefix}_p", "mean"))
+    closed = closed_states(family)
     if action == "all":
-        return [Map(name, statistic[..., at], p[..., at]) for at, name in enumerate(family.actions)]
+        return [Map(name, statistic[..., at], p[..., at], closed) for at, name in enumerate(family.actions)]
     greedy = np.where(np.isnan(mean), -np.inf, mean).argmax(axis=-1)[..., None]
 
     def there(table: Any) -> Any:
         return np.take_along_axis(table, greedy, axis=-1)[..., 0]
 
-    return [Map("", there(statistic), there(p))]
+    return [Map("", there(statistic), there(p), closed)]
 
 
 def _words(artefact: Artefact, tested: list[Map], of: str) -> Words:
@@ -132,16 +133,18 @@ def _words(artefact: Artefact, tested: list[Map], of: str) -> Words:
 
     prefix = PREFIXES[of]
     [column] = [column for column in artefact.schema.columns if column.name == f"{prefix}_w"]
-    n = artefact.read(f"{prefix}_n")
+    n, closed = artefact.read(f"{prefix}_n"), tested[0].closed
+    open_states = ~np.any(list(closed.values()), axis=0) if closed else np.ones(n.shape[:-1], np.bool_)
+    n = n[open_states]
     tasks = f"n = {n.max()}" if n.min() == n.max() else f"n {n.min()} to {n.max()}"
     p = np.stack([each.p for each in tested])
-    unknown = "; hatched: not testable" if np.isnan(p).any() else ""
+    unknown = "; hatched: not testable" if np.isnan(p[:, open_states]).any() else ""
     shares = rejected(p)
     raw, hochberg, yekutieli = (
         "none" if share is None else f"{100 * share:.0f}{UNBROKEN}%" for share in shares.values()
     )
     return Words(
-        f"{column.long_name}, {tasks}{unknown}",
+        f"{column.long_name}, {tasks}{unknown}{closed_words(closed)}",
         f"raw p; below 0.05: {raw}, BH{UNBROKEN}{hochberg}, BY{UNBROKEN}{yekutieli}",
     )
 
@@ -153,6 +156,7 @@ class Map:
     name: str  # what tells it from the others: an action
     statistic: Floats
     p: Floats
+    closed: Mapping[str, Flags] = field(default_factory=dict)  # (upright, across) of what stands there
 
 
 @dataclass(frozen=True)
@@ -196,6 +200,9 @@ def normality(
         _draw(axes, each.p, (upright, across), *_p_colours())
         for axes, each in zip(lower, tested, strict=True)
     ]
+    for row in (upper, lower):
+        for axes, each in zip(row, tested, strict=True):
+            draw_closed(axes, each.closed, (upright, across))
     _bar(figure, images[0], lower, words.p, panel * shape, "neither")
     _label(panels, tested, (upright, across), panel)
     if title:

@@ -8,8 +8,8 @@ they are counted apart.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -17,7 +17,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import listed, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
-from qinit_cli.plots.state_axes import ANY_SHAPE, Side, sides, ticks
+from qinit_cli.plots.state_axes import ANY_SHAPE, Side, closed_states, closed_words, draw_closed, sides, ticks
 from qinit_cli.plots.style import COLUMN, TEXT, VALUE_COLOURS, folded, house_style, line_styles, plain_numbers
 from qinit_store.wording import counted
 
@@ -90,7 +90,7 @@ def _shown(name: str, one: Distribution) -> Visits:
     counts = np.sum([visits for visits, _, _ in one.found], axis=0).reshape(one.family.shape)
     arrived, never = (sum(part[at] for part in one.found) for at in (1, 2))
     words = f"{arrived} path{'s' * (arrived != 1)}" + (f", {never} fail" if never else "")
-    return Visits(name, words, counts, arrived)
+    return Visits(name, words, counts, arrived, closed_states(one.family))
 
 
 def _alt(shown: list[Visits], own: str) -> str:
@@ -112,6 +112,7 @@ class Visits:
     words: str
     counts: Integers  # (upright, across)
     paths: int
+    closed: Mapping[str, Flags] = field(default_factory=dict)  # (upright, across) of what stands there
 
 
 def occupancy(
@@ -159,7 +160,7 @@ def occupancy(
     bar.minorticks_off()
     plain_numbers(bar.long_axis)
     bar.outline.set_linewidth(0.5)
-    bar.set_label(SCALE_LABEL)
+    bar.set_label(SCALE_LABEL + closed_words(kind for each in shown for kind in each.closed))
     if several:
         axes = figure.add_subplot(parts[1])
         _outlines(axes, shown, (upright, across), limits)
@@ -208,6 +209,7 @@ def _map(axes: Axes, each: Visits, norm: Any, sides: tuple[Side, Side], limits: 
         aspect="auto",
         interpolation="none",
     )
+    draw_closed(axes, each.closed, sides)
     _frame(axes, sides, limits)
     return image
 

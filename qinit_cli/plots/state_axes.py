@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from qinit_cli.plots.style import plain_numbers
+from qinit_cli.plots.style import CLOSED_COLOURS, plain_numbers
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.axis import Axis as DrawnAxis
 
-    from qinit_cli.arrays import Floats
+    from qinit_cli.arrays import Flags, Floats
     from qinit_cli.environments import Family
     from qinit_store.schema import Axis
 
@@ -50,6 +52,41 @@ def sides(family: Family) -> tuple[Side, ...]:
         Side(axis_label(axis), axis.values.astype(np.float64), downwards=axis.values.dtype.kind in "iu")
         for axis in family.axes()
     )
+
+
+def closed_states(family: Family) -> dict[str, Flags]:
+    """The states that no episode is in, (upright, across), by what stands there."""
+    return {name: states.reshape(family.shape) for name, states in family.closed().items()}
+
+
+def without_closed(table: Floats, closed: Mapping[str, Flags]) -> Floats:
+    """A table (upright, across) with NaN in the closed states."""
+    import numpy as np
+
+    return np.where(np.any(list(closed.values()), axis=0), np.nan, table) if closed else table
+
+
+def draw_closed(axes: Axes, closed: Mapping[str, Flags], sides: tuple[Side, Side]) -> None:
+    """Covers the closed states (upright, across) with the colour of what stands there."""
+    import numpy as np
+    from matplotlib.colors import ListedColormap
+
+    upright, across = sides
+    bottom, top = reversed(upright.ends) if upright.downwards else upright.ends
+    for name, states in closed.items():
+        axes.imshow(
+            np.ma.masked_equal(states, False),
+            cmap=ListedColormap([CLOSED_COLOURS[name][1]]),
+            origin="upper" if upright.downwards else "lower",
+            extent=(*across.ends, bottom, top),
+            aspect="auto",
+            interpolation="none",
+        )
+
+
+def closed_words(names: Iterable[str]) -> str:
+    """What the colours of closed states mean, to follow the label of a scale."""
+    return "".join(f"; {CLOSED_COLOURS[name][0]}: {name}" for name in CLOSED_COLOURS if name in set(names))
 
 
 def ticks(axis: DrawnAxis, side: Side) -> None:

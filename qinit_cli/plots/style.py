@@ -25,6 +25,8 @@ DASHES = ("-", "--", "-.", ":")
 VALUE_COLOURS = "viridis"
 CHANCE_COLOURS = "Greys"
 UNKNOWN_COLOUR = "#d9d9d9"
+# of cells that no episode is in, by what stands there: neither in the scales above nor a grey
+CLOSED_COLOURS = {"wall": ("brown", "#8c510a"), "hole": ("pink", "#f768a1")}
 
 SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine

@@ -142,8 +142,8 @@ import numba
 import numpy as np
 from qinit_cli.kernels import gridworld_exact
 
-none = np.empty(0)
-gridworld_exact.solve(none.astype(int), none, 3, 0.9, 1e-9, np.empty((0, 9, 4)), np.empty((0, 9, 4)))
+moves, none = np.zeros((9, 4), np.int32), np.empty((0, 1))
+gridworld_exact.solve(moves, none.astype(int), none, 0.9, 1e-9, np.empty((0, 9, 4)), np.empty((0, 9, 4)))
 before = "scipy.linalg" in sys.modules
 table = np.arange(6.0).reshape(2, 3) ** 2
 covariance = numba.njit(lambda table: np.cov(table))(table)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import reference
 
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
@@ -30,7 +31,7 @@ def probability(seed: int, tasks: int) -> LaneStreams:
 
 
 def worlds(tasks: slice | list[int] = slice(None)) -> Gridworlds:
-    return Gridworlds(SIZE, GOALS[tasks], P[tasks])
+    return Gridworlds(open_map(SIZE).moves, GOALS[tasks], P[tasks])
 
 
 def table(seed: int = 5) -> np.ndarray:
@@ -175,7 +176,7 @@ def test_every_step_is_counted_once_and_every_episode_is_in_one_bin() -> None:
 
 def test_long_learning_comes_near_the_exact_table() -> None:
     """V*(0,0) of the paper's grid is known; constant alpha stays within some per cent of it."""
-    task = Gridworlds(30, np.full(4, 20 * 30 + 20), np.full(4, 0.75))
+    task = Gridworlds(open_map(30).moves, np.full(4, 20 * 30 + 20), np.full(4, 0.75))
     source = Learning(alpha=0.1, gamma=0.95, epsilon=0.5, episodes=40_000, horizon=1_000, start="anywhere")
     learned = learn(task, source, Start(np.zeros((900, 4))), probability(6, 4), Records(bins=10), Watch())
     np.testing.assert_allclose(learned.q[:, 0].max(axis=1), 0.056768479844764, rtol=0.1)
@@ -199,7 +200,7 @@ def test_starts_anywhere_are_uniform_over_the_cells_but_the_goal() -> None:
 def test_the_agent_goes_where_it_meant_to_with_probability_p(p: float) -> None:
     """Episodes of one step from a corner, the goal beside it."""
     one_step = Learning(alpha=1.0, gamma=1.0, epsilon=1.0, episodes=200_000, horizon=1, start="fixed")
-    task = Gridworlds(2, np.array([1]), np.array([p]), start=0)
+    task = Gridworlds(open_map(2).moves, np.array([1]), np.array([p]))
     learned = learn(task, one_step, Start(np.zeros((4, 4))), probability(8, 1), Records(bins=1), Watch())
     # the goal is to the right: reached by meaning it, or by slipping from one of the three other moves
     expected_share = 0.25 * p + 0.75 * (1 - p) / 3
@@ -229,7 +230,7 @@ def test_a_potential_of_zero_changes_no_bit() -> None:
 
 def test_a_start_on_the_goal_is_refused() -> None:
     with pytest.raises(ValueError, match="start and a goal"):
-        Gridworlds(3, np.array([4, 0]), np.array([0.7, 0.7]), start=0)
+        Gridworlds(open_map(3).moves, np.array([4, 0]), np.array([0.7, 0.7]))
 
 
 def test_tables_of_another_shape_are_refused() -> None:

@@ -11,6 +11,7 @@ import reference
 import test_loop
 from learner_reference import flipped
 
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
@@ -47,7 +48,7 @@ class Grids:
     goals, p = np.array([24, 7, 1, 22, 20, 8, 17]), np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7])
 
     def worlds(self, tasks: Any = slice(None)) -> Gridworlds:
-        return Gridworlds(5, self.goals[tasks], self.p[tasks])
+        return Gridworlds(open_map(5).moves, self.goals[tasks], self.p[tasks])
 
     def plain(self, task: int, anywhere: bool, starts: Any) -> Any:
         return reference.Gridworld(

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import reference
 
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
-from qinit_cli.kernels.gridworld import Gridworlds, neighbours
+from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.posterior import Hypotheses
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
@@ -163,7 +164,7 @@ SIZE, GOALS, P = 6, np.array([35, 14, 1, 22]), np.array([0.6, 0.75, 0.9, 0.8])
 
 def gridworlds_as_tables() -> Tables:
     """Gridworlds written as tables, the ways of a step in the order in which the gridworld's draws slip."""
-    moves = neighbours(SIZE).reshape(-1, 4).astype(np.int32)
+    moves = open_map(SIZE).moves.astype(np.int32)
     ways = np.stack([moves[:, (np.arange(4) + action) % 4] for action in range(4)], axis=1)
     after = np.where(ways == GOALS[:, None, None, None], GOAL, ways).astype(np.int32)
     slips = np.stack([P, (1 - P) / 3, (1 - P) / 3, (1 - P) / 3], axis=1)
@@ -183,7 +184,7 @@ def test_a_gridworld_written_as_a_table_learns_what_the_gridworlds_own_loop_lear
     tabled = gridworlds_as_tables().worlds(np.zeros((4, 4), np.uint64))
     by_table, by_loop = (
         learn(world, EXPLORING, start, given, records, Watch())
-        for world in (tabled, Gridworlds(SIZE, GOALS, P))
+        for world in (tabled, Gridworlds(open_map(SIZE).moves, GOALS, P))
     )
     for name in ("q", "visits", "td_var", "steps", "reached", "step_count"):
         np.testing.assert_array_equal(getattr(by_table, name), getattr(by_loop, name))

@@ -10,6 +10,7 @@ import pytest
 import reference
 from scipy import stats
 
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, Weighing, learn
 from qinit_cli.kernels.compiled import lean
@@ -24,6 +25,7 @@ from qinit_cli.schedules import Linear
 from qinit_cli.watch import Watch
 
 SIZE, BINS = 6, 6
+MOVES = open_map(SIZE).moves
 GOALS = np.array([35, 14, 1, 22, 30, 8, 17, 33, 5])
 P = np.array([0.6, 0.75, 0.9, 1.0, 0.25, 0.8, 0.7, 0.65, 0.85])
 ETA = np.array([0.0, 0.01, -0.02, 0.005, 0.03, -0.001, 0.0, 0.015, -0.01, 0.02])
@@ -79,7 +81,7 @@ def grid_hypotheses(rules: dict[str, Any], geometric: bool, tables: int = 11) ->
     random = np.random.default_rng(4)
     q, td_var = (np.empty((tables, SIZE**2, 4)) for _ in range(2))
     goals, p = random.integers(1, SIZE**2, tables), random.uniform(0.5, 0.9, tables)
-    solve(goals, p, SIZE, GRID.gamma, 1e-12, q, td_var)
+    solve(MOVES, goals[:, None], p[:, None], GRID.gamma, 1e-12, q, td_var)
     q[:, 7, 2] = 0.0
     return Hypotheses(q, td_var, **rules, geometric=geometric)
 
@@ -124,7 +126,7 @@ def assert_same(
 
 def assert_the_gridworld_weighs_plainly(learning: Learning, hypotheses: Hypotheses) -> None:
     given = probability(1, len(GOALS))
-    learned, weighing = learned_from(Gridworlds(SIZE, GOALS, P), learning, hypotheses, given)
+    learned, weighing = learned_from(Gridworlds(MOVES, GOALS, P), learning, hypotheses, given)
     assert weighing.moves.min() > 0
     for task in range(len(GOALS)):
         weighed = weighed_by(hypotheses, learning)
@@ -174,10 +176,10 @@ def test_sarsas_updates_weigh_their_steps_when_the_next_action_is_known() -> Non
 @pytest.mark.parametrize("lanes", [1, 3, 4, 9])
 def test_a_gridworld_weighs_the_same_whatever_learns_beside_it(lanes: int) -> None:
     given, hypotheses = probability(3, len(GOALS)), grid_hypotheses(RULES[0], geometric=False)
-    whole, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, given, lanes)
+    whole, weighing = learned_from(Gridworlds(MOVES, GOALS, P), GRID, hypotheses, given, lanes)
     for tasks in ([3], [6, 1], [8, 5, 4, 3, 2, 0]):
         some, few = learned_from(
-            Gridworlds(SIZE, GOALS[tasks], P[tasks]), GRID, hypotheses, part(given, tasks)
+            Gridworlds(MOVES, GOALS[tasks], P[tasks]), GRID, hypotheses, part(given, tasks)
         )
         for name in ("q", "visits", "steps", "reached", "step_count"):
             np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[tasks])
@@ -197,7 +199,7 @@ def test_a_car_weighs_the_same_whatever_learns_beside_it() -> None:
 
 def test_without_evidence_learning_is_plain_learning_from_the_mean() -> None:
     hypotheses = grid_hypotheses(RULES[0] | {"temperature": 0.0}, geometric=False)
-    given, worlds = probability(5, len(GOALS)), Gridworlds(SIZE, GOALS, P)
+    given, worlds = probability(5, len(GOALS)), Gridworlds(MOVES, GOALS, P)
     learned, weighing = learned_from(worlds, GRID, hypotheses, given)
     plain = learn(worlds, GRID, Start(start_of(hypotheses).table), given, ALL, Watch())
     np.testing.assert_array_equal(learned.q, plain.q)
@@ -208,9 +210,9 @@ def test_without_evidence_learning_is_plain_learning_from_the_mean() -> None:
 
 def test_the_target_among_the_hypotheses_is_found_and_its_table_learned_from() -> None:
     q, td_var = (np.empty((len(GOALS), SIZE**2, 4)) for _ in range(2))
-    solve(GOALS, P, SIZE, GRID.gamma, 1e-12, q, td_var)
+    solve(MOVES, GOALS[:, None], P[:, None], GRID.gamma, 1e-12, q, td_var)
     hypotheses = Hypotheses(q, td_var, **RULES[0] | {"temperature": 0.5, "freeze": 30}, geometric=False)
-    _, weighing = learned_from(Gridworlds(SIZE, GOALS, P), GRID, hypotheses, probability(6, len(GOALS)))
+    _, weighing = learned_from(Gridworlds(MOVES, GOALS, P), GRID, hypotheses, probability(6, len(GOALS)))
     np.testing.assert_array_equal(weighing.weights[:, -1].argmax(axis=1), np.arange(len(GOALS)))
     assert np.median(weighing.weights[np.arange(len(GOALS)), -1, np.arange(len(GOALS))]) > 0.99
 
@@ -218,11 +220,11 @@ def test_the_target_among_the_hypotheses_is_found_and_its_table_learned_from() -
 def test_what_only_refuted_tables_know_is_still_their_mean() -> None:
     """The target's own table does not know its goal: of that cell the other's values stay, however little it weighs."""
     q, td_var = (np.empty((2, SIZE**2, 4)) for _ in range(2))
-    solve(GOALS[:2], P[:2], SIZE, GRID.gamma, 1e-12, q, td_var)
+    solve(MOVES, GOALS[:2, None], P[:2, None], GRID.gamma, 1e-12, q, td_var)
     hypotheses = Hypotheses(
         q, td_var, **RULES[0] | {"temperature": 1e6, "cap": 1e6, "freeze": 0}, geometric=False
     )
-    worlds = Gridworlds(SIZE, GOALS[:1], P[:1])
+    worlds = Gridworlds(MOVES, GOALS[:1], P[:1])
     learned, weighing = learned_from(worlds, GRID, hypotheses, part(probability(6, 1), [0]))
     assert weighing.weights[0, -1, 0] == 1.0
     assert weighing.weights[0, -1, 1] < 1e-250
@@ -233,14 +235,14 @@ def test_a_corrected_table_is_what_learning_from_the_last_start_would_hold() -> 
     """Where targets do not depend on the table: no discounted future, every step explores, episodes of one step."""
     blind = Learning(alpha=0.3, gamma=1e-300, epsilon=1.0, episodes=200, horizon=1, start="anywhere")
     hypotheses = grid_hypotheses(RULES[2] | {"threshold": 0.0}, geometric=False)
-    given, worlds = probability(7, len(GOALS)), Gridworlds(SIZE, GOALS, P)
+    given, worlds = probability(7, len(GOALS)), Gridworlds(MOVES, GOALS, P)
     learned, weighing = learned_from(worlds, blind, hypotheses, given)
     assert weighing.moves.min() > 20
     for task in range(len(GOALS)):
         weight = weighing.weights[task, -1][:, None, None] * (hypotheses.q > 0)
         with np.errstate(invalid="ignore"):
             last = np.nan_to_num((weight * hypotheses.q).sum(axis=0) / weight.sum(axis=0))
-        alone = Gridworlds(SIZE, GOALS[[task]], P[[task]])
+        alone = Gridworlds(MOVES, GOALS[[task]], P[[task]])
         plain = learn(alone, blind, Start(last), part(given, [task]), Records(200, True, True), Watch())
         np.testing.assert_allclose(learned.q[task], plain.q[0], rtol=0, atol=1e-12)
 
@@ -260,7 +262,7 @@ def test_hypotheses_of_another_shape_are_refused() -> None:
     hypotheses = grid_hypotheses(RULES[0], geometric=False)
     wrong = dataclasses.replace(hypotheses, td_var=hypotheses.td_var[:3])
     with pytest.raises(ValueError, match="hypotheses' TD variance has shape"):
-        learn(Gridworlds(SIZE, GOALS, P), GRID, start_of(wrong), probability(1, len(GOALS)), ALL, Watch())
+        learn(Gridworlds(MOVES, GOALS, P), GRID, start_of(wrong), probability(1, len(GOALS)), ALL, Watch())
 
 
 @lean

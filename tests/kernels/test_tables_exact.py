@@ -7,9 +7,9 @@ import pytest
 import quantecon
 
 from qinit_cli.environments.family import draw_tasks
+from qinit_cli.environments.grid_map import open_map
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.kernels import tables_exact
-from qinit_cli.kernels.gridworld import neighbours
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.learning import Learning
@@ -23,7 +23,7 @@ TASKS = draw_tasks(FAMILY, 0, Stream.SOURCE_TASK, np.arange(4))
 def gridworlds() -> Tables:
     """Gridworld tasks as anybody would write their tables."""
     goal = TASKS["goal_row"] * FAMILY.size + TASKS["goal_col"]
-    moves = neighbours(FAMILY.size).reshape(-1, 4).astype(np.int32)
+    moves = open_map(FAMILY.size).moves.astype(np.int32)
     ways = np.broadcast_to(moves[:, None, :], (len(moves), 4, 4))  # whatever is meant, four ways are possible
     after = np.where(ways == goal[:, None, None, None], GOAL, ways).astype(np.int32)
     p = TASKS["p"][:, None, None]

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from qinit_cli.plots.state_axes import without_closed
+from qinit_cli.plots.style import CLOSED_COLOURS
 from qinit_cli.plots.terminal.sheet import Sheet, label, shade
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from rich.text import Text
 
-    from qinit_cli.arrays import Floats
+    from qinit_cli.arrays import Flags, Floats
 
 RAMP = " .:-=+*#%@"  # from the least value to the largest
 UNKNOWN = "?"
+CLOSED = {"wall": "X", "hole": "O"}  # what stands where no episode is
 TALLEST = 32  # lines
 LOG_RATIO = 30  # between the largest and the least value: above it a linear scale shows little but the peak
 
@@ -42,13 +46,20 @@ class _Layout(NamedTuple):
     halves: bool  # two cells in one character, one above the other
 
 
-def heatmap(values: Floats, rows: MapAxis, columns: MapAxis, sheet: Sheet) -> list[Text]:
-    """The map of `values` (R, C), rows downwards, with its axes and scale; NaN is unknown."""
+def heatmap(
+    values: Floats, rows: MapAxis, columns: MapAxis, sheet: Sheet, closed: Mapping[str, Flags] | None = None
+) -> list[Text]:
+    """The map of `values` (R, C), rows downwards, with its axes and scale; NaN is unknown.
+
+    Entries that are `closed` (R, C) have a letter or a colour of their own, by what stands there.
+    """
     from rich.text import Text
 
     margin = max(len(rows.at(position)) for position in range(len(rows.values))) + 1
     layout = _layout(values.shape, sheet.width - margin - 2, sheet)
-    cells = _block_means(values, layout)
+    closed = closed or {}
+    cells = _block_means(without_closed(values, closed), layout)
+    stands = _blocks_closed(closed, cells.shape, layout)
     known = cells[np.isfinite(cells)]
     if not known.size:
         return [Text("no known value")]
@@ -60,11 +71,11 @@ def heatmap(values: Floats, rows: MapAxis, columns: MapAxis, sheet: Sheet) -> li
     every = max(1, -(-_height(shares, layout) // 8))  # lines between labels
     for line, position in enumerate(range(0, len(shares), 2 if layout.halves else 1)):
         tick = rows.at(position * layout.rows) if line % every == 0 else ""
-        drawn = _line(shares, position, layout, sheet)
+        drawn = _line(shares, stands, position, layout, sheet)
         lines.append(Text(f"{tick:>{margin}}{bar}") + drawn + Text(bar))
     lines.append(Text(" " * (margin + 1) + _across(columns, layout, shares.shape[1])))
-    lines += _scale(low, high, log, bool(np.isnan(cells).any()), layout, sheet)
-    return lines
+    lines += _scale(low, high, log, bool((np.isnan(cells) & (stands == "")).any()), layout, sheet)
+    return [*lines, *_closed_notes(stands, sheet)]
 
 
 def _layout(shape: tuple[int, ...], width: int, sheet: Sheet) -> _Layout:
@@ -95,6 +106,30 @@ def _block_means(values: Floats, layout: _Layout) -> Floats:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
+def _blocks_closed(closed: Mapping[str, Flags], shape: tuple[int, ...], layout: _Layout) -> NDArray[np.str_]:
+    """What stands in each block that is closed as a whole, "" elsewhere."""
+    stands = np.full(shape, "", "U4")
+    for name, entries in closed.items():
+        high, wide = (length * block for length, block in zip(shape, layout[:2], strict=True))
+        padded = np.ones((high, wide), np.bool_)
+        padded[: entries.shape[0], : entries.shape[1]] = entries
+        blocks = padded.reshape(shape[0], layout.rows, shape[1], layout.columns)
+        stands[blocks.all(axis=(1, 3))] = name
+    return stands
+
+
+def _closed_notes(stands: NDArray[np.str_], sheet: Sheet) -> list[Text]:
+    from rich.text import Text
+
+    return [
+        Text("  ")
+        .append(CLOSED[name], style=f"on {CLOSED_COLOURS[name][1]}" if sheet.colour else "")
+        .append(f" {name}")
+        for name in CLOSED
+        if (stands == name).any()
+    ]
+
+
 def _shares(cells: Floats, low: float, high: float, log: bool) -> Floats:
     """Where each value lies on the scale, 0 to 1; NaN is unknown."""
     if low == high:
@@ -108,27 +143,38 @@ def _height(shares: Floats, layout: _Layout) -> int:
     return -(-len(shares) // 2) if layout.halves else len(shares)
 
 
-def _line(shares: Floats, position: int, layout: _Layout, sheet: Sheet) -> Text:
+def _line(shares: Floats, stands: NDArray[np.str_], position: int, layout: _Layout, sheet: Sheet) -> Text:
     from rich.text import Text
 
     text = Text()
     for column in range(shares.shape[1]):
-        share = float(shares[position, column])
+        share, there = float(shares[position, column]), str(stands[position, column])
+        colour = _colour(share, there)
         if layout.halves:
-            below = float(shares[position + 1, column]) if position + 1 < len(shares) else None
-            text.append(*_half_cells(share, below))
-        elif share != share:
+            past = position + 1 == len(shares)
+            below = (
+                None
+                if past
+                else _colour(float(shares[position + 1, column]), str(stands[position + 1, column]))
+            )
+            text.append(*_half_cells(colour, below))
+        elif colour is None:
             text.append(UNKNOWN * layout.width, style="dim" if sheet.colour else "")
         elif sheet.colour:
-            text.append(" " * layout.width, style=f"on {shade(share)}")
+            text.append(CLOSED.get(there, " ") * layout.width, style=f"on {colour}")
         else:
-            text.append(_character(share) * layout.width)
+            text.append((CLOSED.get(there) or _character(share)) * layout.width)
     return text
 
 
-def _half_cells(above: float, below: float | None) -> tuple[str, str]:
-    """A character for two cells, the one below None past the table's end, and its colours; what is unknown stays dark."""
-    colours = [None if share is None or share != share else shade(share) for share in (above, below)]
+def _colour(share: float, there: str) -> str | None:
+    """The colour of a cell: of what stands there, else of its value; None where that is unknown."""
+    return CLOSED_COLOURS[there][1] if there else None if share != share else shade(share)
+
+
+def _half_cells(above: str | None, below: str | None) -> tuple[str, str]:
+    """A character for two cells of these colours, and its own; what is unknown or past the table's end stays dark."""
+    colours = [above, below]
     match colours:
         case [None, None]:
             return UNKNOWN, "dim"
