@@ -27,7 +27,7 @@ class Gridworld(SlipperyGrid):
     )
     map: str | Path | None = option(
         None,
-        "A text file of walls, starts and goals, a letter a cell (docs/distributions.md).",
+        "A text file of walls, starts and goals, a letter a cell (docs/maps.md).",
         default_text="an open square",
         metavar="FILE",
     )

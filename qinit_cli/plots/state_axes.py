@@ -86,7 +86,8 @@ def draw_closed(axes: Axes, closed: Mapping[str, Flags], sides: tuple[Side, Side
 
 def closed_words(names: Iterable[str]) -> str:
     """What the colours of closed states mean, to follow the label of a scale."""
-    return "".join(f"; {CLOSED_COLOURS[name][0]}: {name}" for name in CLOSED_COLOURS if name in set(names))
+    there = set(names)
+    return "".join(f"; {colour}: {name}" for name, (colour, _) in CLOSED_COLOURS.items() if name in there)
 
 
 def ticks(axis: DrawnAxis, side: Side) -> None:
