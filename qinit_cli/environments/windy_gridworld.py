@@ -193,6 +193,8 @@ class WindyGridworld(TableFamily):
     def _moves(self) -> Integers:
         """The cell that each move leads to, (S, 4); from the goal none leads away."""
 
+        import numpy as np
+
         moves = open_map(self.size).moves.astype(np.int64)
         moves[self._goal] = self._goal
         return moves

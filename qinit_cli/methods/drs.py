@@ -22,7 +22,7 @@ class Drs(Plus):
     """DRS: rewards shaped by the distance to the target's goal (privileged), r + gamma phi(s') - phi(s)."""
 
     distance: Literal["discounted", "linear"] = option(
-        "discounted", "The gridworld's potential: gamma^d, or 1 - d/d_max, d the Manhattan distance."
+        "discounted", "The gridworld's potential: gamma^d, or 1 - d/d_max, d the steps of the shortest way."
     )
 
     name: ClassVar[str] = "drs"
