@@ -33,7 +33,7 @@ class Gridworld(SlipperyGrid):
     )
     goals: Literal["normal", "uniform"] | None = option(
         None,
-        "How goals are drawn: around a mean, or uniformly, over the free cells but the target start or the map's G.",
+        "How goals are drawn, from the map's G or else all free cells but the start: around a mean, or uniformly.",
         default_text="normal; uniform where the map has G",
     )
     goals_per_task: int = option(1, "Goals of each task, which ends in any of them.", low=1, high=9)

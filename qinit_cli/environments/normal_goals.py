@@ -36,10 +36,11 @@ class NormalGoals:
         if _left(self) < LEAST_MASS:
             mean = f"{self.row:g}" if self.row == self.column else f"{self.row:g}:{self.column:g}"
             rows, columns = self.grid.shape
-            others = f" beside {self.several - 1} others" if self.several > 1 else ""
+            last = f" for the last of {self.several} goals" if self.several > 1 else ""
+            remedy = "a larger variance or fewer goals" if last else "a mean on the grid"
             raise ValueError(
-                f"goals with mean {mean} and variance {self.variance:g} fall on the {rows} x {columns} grid{others}, "
-                f"start and walls apart, less than once in 100 draws; choose a mean on the grid"
+                f"goals with mean {mean} and variance {self.variance:g} fall on the {rows} x {columns} grid, "
+                f"start and walls apart, less than once in 100 draws{last}; choose {remedy}"
             )
 
     def draw(self, rng: np.random.Generator) -> tuple[int, int]:

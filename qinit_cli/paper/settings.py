@@ -89,9 +89,13 @@ def _world_differences(family: Any) -> Iterator[str]:
     usual = type(family)()
     for field in fields(family):
         value = getattr(family, field.name)
-        if field.name not in DISTRIBUTION[family.name] and value != getattr(usual, field.name):
-            yield _text(field.name, value)
-    if family.name == GRIDWORLD and family.mean not in (None, 2 * family.size / 3):
+        if (
+            value is not None
+            and field.name not in DISTRIBUTION[family.name]
+            and value != getattr(usual, field.name)
+        ):
+            yield family.grid.label if field.name == "map" else _text(field.name, value)
+    if family.name == GRIDWORLD and family.mean not in (None, 2 * family.shape[0] / 3):
         yield f"mean {family.mean:g}"
 
 

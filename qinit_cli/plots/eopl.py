@@ -74,8 +74,8 @@ class EoplPlot(Plot):
             (_shown(name, one) for name, one in zip(names, found, strict=True)),
             key=lambda each: each.floor,
         )
-        family = found[0].family
-        own = f"{family.name}, expected optimal path lengths at {place(family.shown_states()[0])}"
+        starts = dict.fromkeys(place(one.family.shown_states()[0]) for one in found)
+        own = f"{found[0].family.name}, expected optimal path lengths at {listed(list(starts))}"
         with house_style():
             figure = eopl(shown, own if frame.title is None else frame.title, frame.width)
         parts = [f"{each.name.replace(chr(10), ', ')}: {each.words.replace(chr(10), ', ')}" for each in shown]

@@ -68,7 +68,8 @@ class OccupancyPlot(Plot):
             raise UsageError(f"{len(found)} distributions do not fit; draw at most {MOST[frame.width]}")
         names = named(found)
         shown = [_shown(name, one) for name, one in zip(names, found, strict=True)]
-        own = f"{family.name}, states on the optimal paths from {place(family.shown_states()[0])}"
+        starts = dict.fromkeys(place(one.family.shown_states()[0]) for one in found)
+        own = f"{family.name}, states on the optimal paths from {listed(list(starts))}"
         with house_style():
             figure = occupancy(
                 shown, axes[0], axes[1], own if frame.title is None else frame.title, frame.width

@@ -203,7 +203,7 @@ def test_an_artefact_holds_the_rows_and_reads_no_file(tmp_path: Path) -> None:
         ({"map": "SG/GG", "goals_per_task": 4}, "--goals-per-task 4: there are 3 places for goals; ask for fewer"),
         ({"map": "SG/..", "mean": 1.0}, "--mean belongs to normal goals"),
         ({"map": "SG../....", "goals": "normal", "mean": 3.0, "variance": 0.01}, "less than once in 100 draws"),
-        ({"size": 4, "variance": 0.0, "goals_per_task": 2}, "beside 1 others"),
+        ({"size": 4, "variance": 0.0, "goals_per_task": 2}, "for the last of 2 goals; choose a larger variance or fewer goals"),
     ],
     ids=lambda value: "" if isinstance(value, str) else str(value.get("map", "")),
 )  # fmt: skip
