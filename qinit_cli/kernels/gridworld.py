@@ -22,6 +22,8 @@ from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, below, slip_limi
 from qinit_cli.kernels.worlds import GOAL, LOST, place_of, prepare, starts, steps
 from qinit_cli.learning import Learning
 
+RECORD, MOVES = 8, 4  # numbers of a cell in a PatchyWorld, and where the places among them begin
+
 
 class CellWorld(NamedTuple):
     """The gridworlds of a batch as the loop reads them."""
@@ -38,8 +40,9 @@ class CellWorld(NamedTuple):
 class PatchyWorld(NamedTuple):
     """As CellWorld, for tasks with several goals or with slips that differ from cell to cell."""
 
-    neighbours: Any  # u4 (B, S, 4) places
-    slips: Any  # u8 (B, S, 3)
+    # u4 (B, S * RECORD), of each cell one after another: what a draw's upper half must exceed to slip once, twice and three
+    # times, nothing, and the four places that moves lead to; half a cache line, as a step reads them all
+    records: Any
     starts: Any  # u4 (W,)
     open: Any  # u4 (B, F - K) the cells where episodes go on
 
@@ -109,11 +112,11 @@ class Gridworlds:
         goals = self.goal.reshape(len(self), -1)
         places = np.tile(np.arange(self.states + 2), (len(self), 1))
         np.put_along_axis(places, goals, self.states, axis=1)
+        records = np.zeros((len(self), self.states, RECORD), np.uint32)
+        records[..., :3] = slips.reshape(len(self), -1, 3) - np.uint64(1)
+        records[..., MOVES:] = places[:, self.moves]
         return PatchyWorld(
-            neighbours=places[:, self.moves].astype(np.uint32),
-            slips=np.ascontiguousarray(
-                np.broadcast_to(slips.reshape(len(self), -1, 3), (len(self), self.states, 3))
-            ),
+            records=records.reshape(len(self), -1),
             starts=starts,
             open=np.array([np.setdiff1d(self._free, own) for own in goals], np.uint32),
         )
@@ -145,7 +148,8 @@ def _target_start(starts, rng):
 @steps(CellWorld)
 def step(world, task, lane, state, action, uniform, rng):
     """The cell that the action leads to, or one of the other three ways."""
-    slip = _slips(world.slips[task], np.uint64(uniform * 2.0**32))
+    upper, slips = np.uint64(uniform * 2.0**32), world.slips[task]
+    slip = np.int64(upper >= slips[0]) + np.int64(upper >= slips[1]) + np.int64(upper >= slips[2])
     after = np.int64(world.neighbours[4 * state + (action + slip) % 4])
     if after == world.goal[task]:
         return GOAL
@@ -155,15 +159,18 @@ def step(world, task, lane, state, action, uniform, rng):
 @steps(PatchyWorld)
 def patchy_step(world, task, lane, state, action, uniform, rng):
     """As `step`."""
-    slip = _slips(world.slips[task, state], np.uint64(uniform * 2.0**32))
-    after, states = np.int64(world.neighbours[task, state, (action + slip) % 4]), world.slips.shape[1]
+    after = np.int64(_patchy_after(world.records, task, state, action, np.uint32(uniform * 2.0**32)))
+    states = world.records.shape[1] // RECORD
     return after if after < states else states - 1 - after
 
 
 @inlined
-def _slips(limits, upper):
-    """How often a step slips, given the upper half of its draw."""
-    return np.int64(upper >= limits[0]) + np.int64(upper >= limits[1]) + np.int64(upper >= limits[2])
+def _patchy_after(records, task, state, action, upper):
+    """The place that a step leads to, given the upper half of its draw."""
+    cell = RECORD * np.int64(state)
+    slip = np.int64(upper > records[task, cell]) + np.int64(upper > records[task, cell + 1])
+    slip += np.int64(upper > records[task, cell + 2])
+    return records[task, cell + MOVES + ((np.int64(action) + slip) & 3)]
 
 
 @body(prepare, CellWorld)
@@ -179,5 +186,4 @@ def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states
 
 @body(place_of, PatchyWorld)
 def _patchy_place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
-    slip = _slips(world.slips[task, state], drawn >> THIRTY_TWO)
-    return world.neighbours[task, state, (np.int64(action) + slip) % 4]
+    return _patchy_after(world.records, task, state, action, np.uint32(drawn >> THIRTY_TWO))
