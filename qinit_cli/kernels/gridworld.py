@@ -45,6 +45,8 @@ class PatchyWorld(NamedTuple):
     records: Any
     starts: Any  # u4 (W,)
     open: Any  # u4 (B, F - K) the cells where episodes go on
+    lane_task: Any  # i8 (L,) whose records a lane holds, -1: nobody's
+    lane_records: Any  # u4 (L, S * RECORD): at an address that a step need not look up
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ class Gridworlds:
         slips = slip_limit(np.stack([self.p, self.p + slip, self.p + 2 * slip], axis=-1))
         starts = np.array(self.starts, np.uint32)
         if self.goal.ndim > 1 or self.p.ndim > 1:
-            return compiled_loop(PatchyWorld, learning), self._patchy(slips, starts)
+            return compiled_loop(PatchyWorld, learning), self._patchy(slips, starts, lanes)
         world = CellWorld(
             neighbours=self.moves.astype(np.uint32).ravel(),
             goal=self.goal.astype(np.uint32),
@@ -108,7 +110,7 @@ class Gridworlds:
         """The cells that some move leaves, (F,), ascending."""
         return np.flatnonzero((self.moves != np.arange(self.states)[:, None]).any(axis=1))
 
-    def _patchy(self, slips: Words, starts: NDArray[np.uint32]) -> PatchyWorld:
+    def _patchy(self, slips: Words, starts: NDArray[np.uint32], lanes: int) -> PatchyWorld:
         goals = self.goal.reshape(len(self), -1)
         places = np.tile(np.arange(self.states + 2), (len(self), 1))
         np.put_along_axis(places, goals, self.states, axis=1)
@@ -119,6 +121,8 @@ class Gridworlds:
             records=records.reshape(len(self), -1),
             starts=starts,
             open=np.array([np.setdiff1d(self._free, own) for own in goals], np.uint32),
+            lane_task=np.full(lanes, -1),
+            lane_records=np.zeros((lanes, self.states * RECORD), np.uint32),
         )
 
 
@@ -135,6 +139,10 @@ def start(world, task, lane, rng, anywhere):
 @starts(PatchyWorld)
 def patchy_start(world, task, lane, rng, anywhere):
     """As `start`."""
+    if world.lane_task[lane] != task:
+        world.lane_task[lane] = task
+        for place in range(world.records.shape[1]):
+            world.lane_records[lane, place] = world.records[task, place]
     if not anywhere:
         return _target_start(world.starts, rng)
     return np.int64(world.open[task, below(rng, world.open.shape[1])])
@@ -159,18 +167,18 @@ def step(world, task, lane, state, action, uniform, rng):
 @steps(PatchyWorld)
 def patchy_step(world, task, lane, state, action, uniform, rng):
     """As `step`."""
-    after = np.int64(_patchy_after(world.records, task, state, action, np.uint32(uniform * 2.0**32)))
+    after = np.int64(_patchy_after(world.lane_records, lane, state, action, np.uint32(uniform * 2.0**32)))
     states = world.records.shape[1] // RECORD
     return after if after < states else states - 1 - after
 
 
 @inlined
-def _patchy_after(records, task, state, action, upper):
+def _patchy_after(records, lane, state, action, upper):
     """The place that a step leads to, given the upper half of its draw."""
     cell = RECORD * np.int64(state)
-    slip = np.int64(upper > records[task, cell]) + np.int64(upper > records[task, cell + 1])
-    slip += np.int64(upper > records[task, cell + 2])
-    return records[task, cell + MOVES + ((np.int64(action) + slip) & 3)]
+    slip = np.int64(upper > records[lane, cell]) + np.int64(upper > records[lane, cell + 1])
+    slip += np.int64(upper > records[lane, cell + 2])
+    return records[lane, cell + MOVES + ((np.int64(action) + slip) & 3)]
 
 
 @body(prepare, CellWorld)
@@ -186,4 +194,4 @@ def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states
 
 @body(place_of, PatchyWorld)
 def _patchy_place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
-    return _patchy_after(world.records, task, state, action, np.uint32(drawn >> THIRTY_TWO))
+    return _patchy_after(world.lane_records, lane, state, action, np.uint32(drawn >> THIRTY_TWO))

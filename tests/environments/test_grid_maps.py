@@ -17,8 +17,11 @@ from qinit_cli.environments.family import draw_tasks
 from qinit_cli.environments.grid_map import open_map, read_map
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
+from qinit_cli.kernels.gridworld import Gridworlds
+from qinit_cli.kernels.random_streams import lane_seeds, seeds
 from qinit_cli.pipeline.asked import LearningTargets
-from qinit_cli.pipeline.sources import learn_sources
+from qinit_cli.pipeline.sources import learn_sources, sequences
 from qinit_cli.plots.heatmaps import HeatmapsPlot
 from qinit_cli.plots.normality import NormalityPlot
 from qinit_cli.plots.occupancy import OccupancyPlot
@@ -111,6 +114,24 @@ def test_what_is_learned_comes_near_the_exact_tables(family: Gridworld) -> None:
     assert np.median(np.abs(found - exact)[exact > 0] / exact[exact > 0]) < 0.02
     visited = rows["visits"].reshape(exact.shape).any(axis=2)
     np.testing.assert_array_equal(visited, exact.any(axis=2))  # every open cell, no wall, hole or goal
+
+
+def test_a_world_with_a_slip_for_each_cell_that_is_always_the_same_learns_the_same_bits() -> None:
+    learning = replace(ROOM.source_learning, episodes=300, horizon=100)
+    tasks, moves, starts = drawn(ROOM), ROOM.grid.moves, ROOM.grid.starts
+    goal = tasks["goal_row"] * 7 + tasks["goal_col"]
+    plain = Gridworlds(moves, goal, tasks["p"], starts)
+    patchy = Gridworlds(moves, goal[:, None], np.tile(tasks["p"][:, None], len(moves)), starts)
+    dice, begins, plays = (sequences(0, Stream(number), np.arange(COUNT)) for number in (1, 2, 6))
+    streams = LaneStreams(lane_seeds(dice), seeds(begins), seeds(plays))
+    records = Records(300, visits=True, evaluate_every=10)
+    one, other = (
+        learn(worlds, learning, Start(np.zeros((len(moves), 4))), streams, records, Watch())
+        for worlds in (plain, patchy)
+    )
+    for name in ("q", "visits", "steps", "reached", "evaluation_steps", "evaluation_reached"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert 0 < other.evaluation_reached.mean() < 1
 
 
 def test_paths_and_nearness_follow_the_ways_of_a_maze() -> None:
