@@ -124,12 +124,12 @@ def test_a_world_with_a_slip_for_each_cell_that_is_always_the_same_learns_the_sa
     patchy = Gridworlds(moves, goal[:, None], np.tile(tasks["p"][:, None], len(moves)), starts)
     dice, begins, plays = (sequences(0, Stream(number), np.arange(COUNT)) for number in (1, 2, 6))
     streams = LaneStreams(lane_seeds(dice), seeds(begins), seeds(plays))
-    records = Records(300, visits=True, evaluate_every=10)
+    records = Records(300, evaluate_every=10)
     one, other = (
         learn(worlds, learning, Start(np.zeros((len(moves), 4))), streams, records, Watch())
         for worlds in (plain, patchy)
     )
-    for name in ("q", "visits", "steps", "reached", "evaluation_steps", "evaluation_reached"):
+    for name in ("q", "steps", "reached", "evaluation_steps", "evaluation_reached"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert 0 < other.evaluation_reached.mean() < 1
 
