@@ -37,6 +37,7 @@ from qinit_cli.comparison.score_matrices import score_matrices
 from qinit_cli.comparison.scores import Metric
 from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.family import task_count
 from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fitted import FitOptions
@@ -311,8 +312,9 @@ def train_sources(
     words = ("train-sources", family.name, *option_words(family), *option_words(asked))
     if isinstance(family, Gym):
         family = family.imported()
+    family = family.opened()
     wanted = source_tasks.tasks_of(family, asked)
-    plan = source_tasks.plan_of(wanted, asked.tasks or family.source_tasks)
+    plan = source_tasks.plan_of(wanted, task_count(family, "source", asked.tasks))
     return Sources(_made(plan, _keeping(store, output, words), jobs, reporter).source)
 
 
@@ -437,6 +439,8 @@ def transfer(
     explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
     shift: Mapping[str, Any] | None = None,
+    targets: str | None = None,
+    allow_overlap: bool = False,
     evaluate_every: int = 0,
     keep_q: bool = False,
     tuned: Tuning | None = None,
@@ -447,7 +451,8 @@ def transfer(
 ) -> Run:
     """Target tasks of the fit's family, learned from what a method starts them with (`qinit transfer`).
 
-    Targets and their chance depend on `seed` alone, so that every method meets the same. `shift` changes fields of the family.
+    Targets and their chance depend on `seed` alone, so that every method meets the same. `shift` changes fields of the family;
+    `targets` names tasks of the sources' file, see `qinit train-sources tasks`.
 
     >>> import qinit_cli as qinit
     >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
@@ -467,6 +472,8 @@ def transfer(
         explore=explore,
         start=start,
         shift=_texts_of(shift),
+        targets=targets,
+        allow_overlap=allow_overlap,
         evaluate_every=evaluate_every,
         keep_q=keep_q,
     )
@@ -477,10 +484,10 @@ def transfer(
         chosen, given = tuning.chosen(tuned.source, chosen, known.family)
     words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
     keeping = _keeping(store, output, words)
-    targets, count = target_tasks.targets_of(chosen, asked, known.settings.sources)
+    learned, count = target_tasks.targets_of(chosen, asked, known.settings.sources)
     machine = _asked(Machine, jobs=jobs)
-    initial, tables = initial_of(chosen, known, targets, count, keeping, machine, reporter)
-    plan = target_tasks.plan_of(chosen, targets, initial, count, known, [*given, *tables])
+    initial, tables = initial_of(chosen, known, learned, count, keeping, machine, reporter)
+    plan = target_tasks.plan_of(chosen, learned, initial, count, known, [*given, *tables])
     return Run(_made(plan, keeping, jobs, reporter).source)
 
 
@@ -501,6 +508,8 @@ def lifelong(
     explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
     shift: Mapping[str, Any] | None = None,
+    targets: str | None = None,
+    allow_overlap: bool = False,
     evaluate_every: int = 0,
     keep_q: bool = False,
     store: Where = None,
@@ -525,6 +534,8 @@ def lifelong(
         explore=explore,
         start=start,
         shift=_texts_of(shift),
+        targets=targets,
+        allow_overlap=allow_overlap,
         evaluate_every=evaluate_every,
         keep_q=keep_q,
     )
@@ -545,6 +556,8 @@ def lifelong(
             explore=explore,
             start=start,
             shift=shift,
+            targets=targets,
+            allow_overlap=allow_overlap,
             evaluate_every=evaluate_every,
             keep_q=keep_q,
             store=store,
@@ -560,8 +573,8 @@ def lifelong(
         *option_words(living),
         *option_words(asked),
     )
-    targets, count = target_tasks.targets_of(chosen, replace(asked, keep_q=True), known.settings.sources)
-    plan = lifetimes.lifetime_plan(chosen, living, replace(targets, keep_visits=True), count, known)
+    learned, count = target_tasks.targets_of(chosen, replace(asked, keep_q=True), known.settings.sources)
+    plan = lifetimes.lifetime_plan(chosen, living, replace(learned, keep_visits=True), count, known)
     return Run(_made(plan, _keeping(store, output, words), 1, reporter, fail_fast=True).source)
 
 

@@ -96,7 +96,10 @@ class SourcesKind(Kind["SourcesSettings"]):
         if settings.imported:
             return _imported_shown(artefact, settings)
         family = None if settings.family.here is None else self.family(artefact)
-        compared = family is not None and family.tabular and settings.learner != EXACT
+        present = (
+            family is not None and family.present
+        )  # else tasks cannot be made, and what takes them is unknown
+        compared = present and family is not None and family.tabular and settings.learner != EXACT
         solved = steps = unvisited = not_positive = entries = 0
         seconds = 0.0
         start_values: list[Floats] = []
@@ -111,9 +114,9 @@ class SourcesKind(Kind["SourcesSettings"]):
             unvisited += int((block["visits"] == 0).sum())
             not_positive += int((block["q"] <= 0).sum())
             entries += block["q"].size
-            if family is not None:
+            if family is not None and present:
                 q = block["q"].reshape(len(block["q"]), -1, len(family.actions))
-                start_values.append(family.start_value(q))
+                start_values.append(family.start_values(_tasks(family, block), q))
                 room = ERROR_TASKS - len(errors)
                 if compared and room > 0:
                     tasks = _tasks(family, block)[:room]

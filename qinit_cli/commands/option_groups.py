@@ -81,7 +81,7 @@ class Group:
             *spelled,
             help=help_of(option),
             metavar=_metavar(meta["metavar"], hint),
-            envvar=None if option.name in OF_ONE_CALL else "QINIT_" + option.name.upper(),
+            envvar=None if option.name in OF_ONE_CALL else "QINIT_" + option.name.rstrip("_").upper(),
             show_envvar=False,
             # by identity: 0 equals False, and is a default worth showing
             show_default=default_text or (option.default is not None and option.default is not False),

@@ -14,7 +14,7 @@ from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, 
 from qinit_cli.commands.typer_commands import add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
-from qinit_cli.pipeline.asked import LearningSources
+from qinit_cli.pipeline.asked import ALL, LearningSources
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, plain
 
@@ -48,7 +48,10 @@ def _add(families: typer.Typer, name: str, family: type[Family]) -> None:
 def _defaults(family: type[Family]) -> dict[str, str]:
     learning = family.source_learning
     names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
-    return {"tasks": str(family.source_tasks), **{name: str(getattr(learning, name)) for name in names}}
+    return {
+        "tasks": str(family.source_tasks or ALL),
+        **{name: str(getattr(learning, name)) for name in names},
+    }
 
 
 def train_sources(
@@ -56,17 +59,19 @@ def train_sources(
 ) -> None:
     """Learns what is missing of the sources asked for, publishes them and prints their path."""
     from qinit_cli.commands.results import say_expected, say_result, warn
+    from qinit_cli.environments.family import task_count
     from qinit_cli.pipeline.estimate import expected
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.sources import plan_of, tasks_of
 
     if isinstance(family, Gym):
         family = family.imported()
+    family = family.opened()
     tasks = tasks_of(family, sources)
     before = family.warning
     if before:
         note(display, f"warning: {before}")
-    count = sources.tasks or family.source_tasks
+    count = task_count(family, "source", sources.tasks)
     if output.dry_run:
         say_expected(expected(plan_of, tasks, count, output.keeping, machine), output, display)
         return

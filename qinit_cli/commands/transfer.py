@@ -14,7 +14,7 @@ from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.methods import METHODS, Initial, Method
 from qinit_cli.options import option, tunable
-from qinit_cli.pipeline.asked import FROM_SOURCES, LearningTargets
+from qinit_cli.pipeline.asked import ALL, FROM_SOURCES, LearningTargets
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, noun, plain
 
@@ -82,7 +82,9 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
 
 def _defaults() -> dict[str, str]:
     from_family = {
-        "tasks": _from_the_family({name: str(family.target_tasks) for name, family in FAMILIES.items()})
+        "tasks": _from_the_family(
+            {name: str(family.target_tasks or ALL) for name, family in FAMILIES.items()}
+        )
     }
     for setting in ("episodes", "epsilon", "start"):
         values = {name: str(getattr(family.target_learning, setting)) for name, family in FAMILIES.items()}

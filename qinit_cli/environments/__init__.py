@@ -13,13 +13,14 @@ from qinit_cli.environments.gym import Gym
 from qinit_cli.environments.imported import ImportedTables
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.environments.own_tasks import OwnTasks
 from qinit_cli.environments.windy_gridworld import WindyGridworld
 from qinit_cli.registry import Registry
 
 FAMILIES: Registry[Family] = Registry(
     "qinit.families",
     "family",
-    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym),
+    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym, OwnTasks),
     lambda found: _fault(found),
     unlisted=(ImportedTables,),  # read from artefacts, never learned
 )

@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.errors import NotAllowed
+from qinit_cli.environments.family import Role
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, options
 from qinit_cli.rewards import Payment, exact_returns, exact_variances, payment
@@ -24,14 +25,57 @@ EXACT_TOLERANCE = 1e-12  # on V
 LIKELY = 0.5  # a policy has solved a task that reaches the goal at least so often
 
 
-class NeutralFamily:
+class DrawnFamily:
+    """What families have in common whose tasks are drawn, each by itself, and start where all start."""
+
+    name: ClassVar[str]
+
+    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
+        """One task: a value for each parameter."""
+        raise NotImplementedError
+
+    def task(self, index: int, role: Role, rng: np.random.Generator) -> tuple[Any, ...]:
+        """One draw, whichever task it is."""
+        return self.draw(rng)
+
+    def available(self, role: Role) -> int | None:
+        """None: any number of tasks is drawn."""
+        return None
+
+    def opened(self) -> Self:
+        """Itself: no task stands in a file."""
+        return self
+
+    @property
+    def present(self) -> bool:
+        """True: no task stands in a file."""
+        return True
+
+    def holding_out(self, targets: str | None, *, allow_overlap: bool) -> Self:
+        """Itself; UsageError where tasks of a file are asked for."""
+        if targets is not None or allow_overlap:
+            given = "--targets" if targets is not None else "--allow-overlap"
+            raise UsageError(
+                f"{self.name} draws its tasks, and {given} is about tasks of a file; leave it out"
+            )
+        return self
+
+    def start_value(self, q: Floats) -> Floats:
+        """max_a of `q` (B, S, A) at the target start, (B,)."""
+        raise NotImplementedError
+
+    def start_values(self, tasks: Tasks, q: Floats) -> Floats:
+        """`start_value`: all tasks start there."""
+        return self.start_value(q)
+
+
+class NeutralFamily(DrawnFamily):
     """A family that has no exact tables, no distance and no moving goal; subclasses replace the parts they have.
 
     A subclass is a frozen dataclass with `name` and `actions`, and has at least axes, parameters, draw, worlds, start_value,
     path_lengths, solved and solvable.
     """
 
-    name: ClassVar[str]
     actions: ClassVar[tuple[str, ...]]
     reward: Any = "goal"  # a class attribute, or an option of the subclass
     tabular: ClassVar[bool] = False
@@ -68,10 +112,6 @@ class NeutralFamily:
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: one column each."""
-        raise NotImplementedError
-
-    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
-        """One task: a value for each parameter."""
         raise NotImplementedError
 
     def shown_states(self) -> tuple[tuple[float, ...], ...]:

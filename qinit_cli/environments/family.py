@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
+from qinit_cli.errors import UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import UNIT, Payment, ReturnBounds
 from qinit_cli.seeding import Stream, generator
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.batch import Worlds
     from qinit_store.schema import Axis, Column
 
-
 Role = Literal["source", "target"]
 
 
@@ -29,7 +29,7 @@ class Family(Protocol):
     """A distribution of tasks over one state-action space with a terminal goal."""
 
     name: ClassVar[str]
-    source_tasks: ClassVar[int]
+    source_tasks: ClassVar[int]  # unless told otherwise; 0: all that are available
     target_tasks: ClassVar[int]
     source_learning: ClassVar[Learning]
     target_learning: ClassVar[Learning]
@@ -80,8 +80,29 @@ class Family(Protocol):
         """The family with some fields changed; ValueError where tables of this family would not fit."""
         ...
 
+    def opened(self) -> Self:
+        """The family with what its files tell, if its tasks stand in files; else itself. UsageError, NotAllowed if not."""
+        ...
+
+    @property
+    def present(self) -> bool:
+        """Whether tasks can be made here: the files that they stand in are there."""
+        ...
+
+    def holding_out(self, targets: str | None, *, allow_overlap: bool) -> Self:
+        """The family with the tasks of its file that `targets` names as targets; UsageError for one that draws its tasks."""
+        ...
+
+    def available(self, role: Role) -> int | None:
+        """How many tasks there are; None: any number."""
+        ...
+
     def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
         """One task: a value for each parameter."""
+        ...
+
+    def task(self, index: int, role: Role, rng: np.random.Generator) -> tuple[Any, ...]:
+        """The index-th source or target: `draw(rng)`, unless tasks are taken from a list. `rng` is the task's own."""
         ...
 
     @property
@@ -128,6 +149,10 @@ class Family(Protocol):
         """max_a of `q` (B, S, A) at the target start, (B,)."""
         ...
 
+    def start_values(self, tasks: Tasks, q: Floats) -> Floats:
+        """max_a of `q` (B, S, A) where targets of each task start, (B,): `start_value`, unless tasks differ in that."""
+        ...
+
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper."""
         ...
@@ -169,15 +194,18 @@ def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers | Se
 
     dtype = np.dtype([(column.name, column.dtype) for column in family.parameters()])
     role: Role = "target" if stream is Stream.TARGET_TASK else "source"
-    task = getattr(family, "task", None) or (lambda index, role, rng: family.draw(rng))
-    drawn = [task(int(index), role, generator(seed, stream, int(index))) for index in indices]
+    drawn = [family.task(int(index), role, generator(seed, stream, int(index))) for index in indices]
     return np.array(drawn, dtype=dtype)
 
 
-def check_listed(family: Family, seed: int, stream: Stream, count: int) -> None:
-    """NotAllowed, before anything is learned, where a family that lists its tasks has none for the last of so many."""
-    if count and hasattr(family, "task"):
-        draw_tasks(family, seed, stream, [count - 1])
+def task_count(family: Family, role: Role, asked: int | None) -> int:
+    """How many tasks are learned: as many as asked, else all that are listed or as the family has it; UsageError for more."""
+    there = family.available(role)
+    usual = family.source_tasks if role == "source" else family.target_tasks
+    count = asked or (usual if there is None else there)
+    if there is not None and count > there:
+        raise UsageError(f"--tasks is {count}, and {family.label} has {there} {role}s; ask for fewer")
+    return count
 
 
 def bounds_of(family: Family, gamma: float) -> ReturnBounds:

@@ -295,6 +295,11 @@ class Gym(TableFamily):
         """The first source task: a value for all that is varied."""
         return self.task(0, "source", rng)
 
+    def available(self, role: Role) -> int | None:
+        """The rows of the files that tasks are varied by, the fewest; None where there are none."""
+        listed = [count for each in self._variations if (count := each.available(role)) is not None]
+        return min(listed, default=None)
+
     def task(self, index: int, role: Role, rng: np.random.Generator) -> tuple[float | int, ...]:
         """The task at that index of sources or targets: a value for all that is varied."""
         return tuple(each.draw(rng, index, role) for each in self._variations)

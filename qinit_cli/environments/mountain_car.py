@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from qinit_cli.environments.bases import DrawnFamily
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
@@ -28,7 +29,7 @@ START = (-0.5, 0.0)  # the paper's s0, where it measures path lengths; at rest i
 
 
 @dataclass(frozen=True)
-class MountainCar:
+class MountainCar(DrawnFamily):
     """Gymnasium's MountainCar-v0 with a push on the right hill that changes from task to task (section 7.2)."""
 
     noise: float = option(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from qinit_cli.environments.bases import DrawnFamily
 from qinit_cli.environments.grid_map import GridMap, open_map, read_map
 from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
@@ -25,7 +26,7 @@ LIKELY = 0.5  # a policy has solved a task whose goal it reaches from at least s
 SEEDS = 2**53  # of slips drawn for each cell: as many as every format holds exactly
 
 
-class SlipperyGrid:
+class SlipperyGrid(DrawnFamily):
     """A grid; a task is its goals and the probability that a move goes where it was meant to.
 
     A subclass is a frozen dataclass with these fields, a name, a label, the states it shows, and its way of drawing goals.

@@ -102,6 +102,10 @@ class Variation:
         """What the drawn value is."""
         return ", ".join(part for part in (self.name, self.values.note) if part)
 
+    def available(self, role: Role) -> int | None:
+        """How many values there are; None: any number is drawn."""
+        return self.values.available(role)
+
     def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
         """The drawn value of the task at that index of sources or targets."""
         return self.values.draw(rng, index, role)

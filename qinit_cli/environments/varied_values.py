@@ -59,6 +59,10 @@ class Values(ABC):
         """The least and the largest number that is drawn; None where there is none."""
         return None, None
 
+    def available(self, role: Role) -> int | None:  # neutral: few are listed
+        """How many there are; None: any number is drawn."""
+        return None
+
     @abstractmethod
     def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
         """A number for the task at that index of sources or targets."""
@@ -344,6 +348,9 @@ class FileRows(Values):
     @property
     def note(self) -> str:
         return f"by its row in {PurePath(self.path).name}" if self._content == "row" else ""
+
+    def available(self, role: Role) -> int | None:
+        return self._rows.whose.count(role)
 
     def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
         rows = [row for row, whose in enumerate(self._rows.whose) if whose == role]

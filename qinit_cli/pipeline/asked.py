@@ -18,6 +18,7 @@ from qinit_cli.spelling import read, setting
 
 SETTINGS = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start", "explore")
 FROM_SOURCES = ("alpha", "gamma", "horizon")  # targets are learned with these settings of the sources
+ALL = "all there are"  # tasks of a family that takes them from a list
 BY_EPISODE = f"{Linear.form} or {Exponential.form}"
 TYPED = "NAME[:KEY=VALUE,...]"
 EXPLORE = option(
@@ -120,6 +121,13 @@ class LearningTargets:
         metavar="KEY=VALUE",
         seldom=True,
     )
+    targets: str | None = option(
+        None,
+        "Which tasks of the sources' file are targets, as --use names sources; for tasks alone.",
+        metavar="A:B",
+        default_text="those that are no sources",
+    )
+    allow_overlap: bool = option(False, "Allow a task of the file to be source and target.", seldom=True)
     evaluate_every: int = option(
         0,
         "Evaluate greedily, without learning, before the first episode and after every N-th; 0: never.",
@@ -138,7 +146,7 @@ class LearningTargets:
         return _learning(family.target_learning, _inherited(sources), self)
 
     def family(self, sources: Family) -> Family:
-        """The sources' family with the shifts made; UsageError, one sentence, where they cannot be."""
+        """The sources' family with the shifts made or the targets named; UsageError, one sentence, where they cannot be."""
         changes = dict(_change(sources, text) for text in self.shift or [])
         if fixed := [name for name in ("reward", "returns") if name in changes]:
             raise UsageError(
@@ -146,9 +154,10 @@ class LearningTargets:
                 f"leave it out, or learn sources with another --{fixed[0]}"
             )
         try:
-            return sources.shifted(changes) if changes else sources
+            changed = sources.shifted(changes) if changes else sources
         except ValueError as error:
             raise UsageError(f"--shift: {error}") from error
+        return changed.holding_out(self.targets, allow_overlap=self.allow_overlap)
 
 
 @dataclass(frozen=True)

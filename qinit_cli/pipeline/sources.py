@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.artefacts.columns import ROUNDING
-from qinit_cli.environments.family import Family, bounds_of, check_listed, draw_tasks
+from qinit_cli.environments.family import Family, bounds_of, draw_tasks
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import QLearner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -53,7 +53,6 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
     from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.pipeline.job import Plan
 
-    check_listed(tasks.family, tasks.seed, tasks.streams.task, count)
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
     return Plan(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.environments.family import Family, bounds_of, check_listed
+from qinit_cli.environments.family import Family, bounds_of, task_count
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -59,8 +59,7 @@ def targets_of(
         learning.keep_q,
         learning.evaluate_every,
     )
-    count = learning.tasks or family.target_tasks
-    check_listed(family, targets.seed, targets.streams.task, count)
+    count = task_count(family, "target", learning.tasks)
     episode = EPISODE_BYTES + RETURN_BYTES * tells_returns(family, settings.gamma)
     check_artefact(Footprint(count, settings.episodes * episode + targets.evaluations * EVALUATION_BYTES))
     return targets, count
@@ -206,7 +205,7 @@ def learn_targets(
     if family.tabular:
         exact, _ = family.solve(tasks[kept], learning.gamma)
         check_returns(family, learning.gamma, exact)
-        rows["v_star"] = family.start_value(exact)
+        rows["v_star"] = family.start_values(tasks[kept], exact)
         if isinstance(learning.explore, EpsilonGreedy):
             rows["v_eps"] = family.exploring_value(tasks[kept], exact, learning)
         else:  # what other explorations are worth depends on all that was met before
