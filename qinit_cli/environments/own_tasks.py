@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 
 NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
+TASK = "file_task"  # the column that tells which task of the file each is
+# names of an artefact's other columns and dimensions, which no state axis may have
+TAKEN = frozenset(
+    ["action", "added", "bin", "byte", "curve_reached", "curve_steps", "eopl", "episode", "eval_reached", "eval_return", "eval_steps", "evaluation", "frozen", "hypothesis", "log_std", "moment", "moves", "potential", "q", "reached", "return", "seconds", "solved", "start", "steps", "task", "task_digest", "td_var", "v_eps", "v_star", "visits", "weight"]
+) | {TASK}
 SHA256 = re.compile("[0-9a-f]{64}")
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
@@ -204,11 +209,8 @@ class OwnTasks(TableFamily):
         from qinit_store.schema import Column
 
         self._check_known()
-        return (
-            Column(
-                "row", ("task",), "<i4", "1", "number of the task in its file", low=0, high=self.count - 1
-            ),
-        )
+        told = "number of the task in its file"
+        return (Column(TASK, ("task",), "<i4", "1", told, low=0, high=self.count - 1),)
 
     def available(self, role: Role) -> int:
         """How many tasks are sources, or targets."""
@@ -307,7 +309,7 @@ class OwnTasks(TableFamily):
 
     def _of(self, tasks: Tasks) -> list[OwnTask]:
         there = self._there().tasks
-        return [there[int(row)] for row in tasks["row"]]
+        return [there[int(row)] for row in tasks[TASK]]
 
     def _without_goal(self, tasks: Tasks) -> Flags:
         import numpy as np
@@ -332,6 +334,10 @@ def _axes(text: str) -> dict[str, int]:
     if len(sizes) < len(found):
         raise ValueError(
             f"--axes is {text!r}; write NAME=N,NAME=N, names distinct and of lower-case letters, N from 1"
+        )
+    if taken := sorted(TAKEN & set(sizes)):
+        raise ValueError(
+            f"--axes names an axis {taken[0]}, as artefacts call something else; give it another name"
         )
     return sizes
 
