@@ -29,9 +29,11 @@ NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
 TASK = "file_task"  # the column that tells which task of the file each is
 # names of an artefact's other columns and dimensions, which no state axis may have
-TAKEN = frozenset(
-    ["action", "added", "bin", "byte", "curve_reached", "curve_steps", "eopl", "episode", "eval_reached", "eval_return", "eval_steps", "evaluation", "frozen", "hypothesis", "log_std", "moment", "moves", "potential", "q", "reached", "return", "seconds", "solved", "start", "steps", "task", "task_digest", "td_var", "v_eps", "v_star", "visits", "weight"]
-) | {TASK}
+TAKEN = re.compile(
+    "action|added|bin|byte|curve_reached|curve_steps|eopl|episode|eval_reached|eval_return|eval_steps|evaluation|file_task|frozen|"
+    "hypothesis|log_std|moment|moves|potential|q|reached|return|seconds|solved|start|steps|task|task_digest|td_var|v_eps|v_star|"
+    "visits|weight"
+)
 SHA256 = re.compile("[0-9a-f]{64}")
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
@@ -335,7 +337,7 @@ def _axes(text: str) -> dict[str, int]:
         raise ValueError(
             f"--axes is {text!r}; write NAME=N,NAME=N, names distinct and of lower-case letters, N from 1"
         )
-    if taken := sorted(TAKEN & set(sizes)):
+    if taken := [name for name in sizes if TAKEN.fullmatch(name)]:
         raise ValueError(
             f"--axes names an axis {taken[0]}, as artefacts call something else; give it another name"
         )
