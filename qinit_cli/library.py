@@ -38,7 +38,6 @@ from qinit_cli.comparison.scores import Metric
 from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import task_count
-from qinit_cli.environments.gym import Gym
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.importing import runs as imported_curves
@@ -310,8 +309,6 @@ def train_sources(
         start=start,
     )
     words = ("train-sources", family.name, *option_words(family), *option_words(asked))
-    if isinstance(family, Gym):
-        family = family.imported()
     family = family.opened()
     wanted = source_tasks.tasks_of(family, asked)
     plan = source_tasks.plan_of(wanted, task_count(family, "source", asked.tasks))

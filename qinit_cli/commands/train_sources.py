@@ -64,8 +64,6 @@ def train_sources(
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.sources import plan_of, tasks_of
 
-    if isinstance(family, Gym):
-        family = family.imported()
     family = family.opened()
     tasks = tasks_of(family, sources)
     before = family.warning

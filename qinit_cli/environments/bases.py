@@ -43,7 +43,7 @@ class DrawnFamily:
         return None
 
     def opened(self) -> Self:
-        """Itself: no task stands in a file."""
+        """Itself: it names no module, and no task of it stands in a file."""
         return self
 
     @property

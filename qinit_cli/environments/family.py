@@ -81,7 +81,7 @@ class Family(Protocol):
         ...
 
     def opened(self) -> Self:
-        """The family with what its files tell, if its tasks stand in files; else itself. UsageError, NotAllowed if not."""
+        """The family once modules that it names are imported and files read; else itself. UsageError, NotAllowed if not."""
         ...
 
     @property

@@ -162,8 +162,8 @@ class Gym(TableFamily):
         if alike := [each.name for each in self._variations if columns.count(each.column) > 1]:
             raise ValueError(f"{' and '.join(alike)} would be one column in an artefact; vary one of them")
 
-    def imported(self) -> Self:
-        """The family, once the modules that it names are imported, as its id was typed; UsageError if an import fails."""
+    def opened(self) -> Self:
+        """The family once the modules that it names are imported, as its id was typed; UsageError if an import fails."""
         for wrap in self._texts("wrap"):
             import_factory(wrap)
         return replace(self, env_id=with_module(self.env_id))._digested()

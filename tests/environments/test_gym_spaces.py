@@ -193,12 +193,12 @@ def test_attributes_are_the_state_whole_numbers_one_by_one_and_others_in_bins() 
 )
 def test_what_cannot_be_a_state_is_refused_in_a_sentence(settings: dict[str, Any], told: str) -> None:
     with pytest.raises((UsageError, NotAllowed), match=told):
-        Gym(**{"env_id": "Turned-v0", "goal": "terminated"} | settings).imported().axes()
+        Gym(**{"env_id": "Turned-v0", "goal": "terminated"} | settings).opened().axes()
 
 
 def test_what_is_put_around_an_environment_is_outermost_in_the_order_given() -> None:
     walk = {"env_id": "Walk-v0", "goal": "terminated", "set": ["slip=0.0"]}
-    paired = Gym(**walk, wrap=["walks:Mirrored", "walks:Pairs"]).imported()
+    paired = Gym(**walk, wrap=["walks:Mirrored", "walks:Pairs"]).opened()
     assert paired.shape == (3,)
     episodes = episodes_of(paired)
     episodes.start(0)
@@ -340,7 +340,7 @@ def test_contexts_are_tasks_one_of_each_line(tmp_path: Path, monkeypatch: pytest
 def test_minigrid_is_learned_by_where_the_agent_stands_and_looks() -> None:
     pytest.importorskip("minigrid")
     place = {"state": "agent_pos,agent_dir", "range": ["0=0:4", "1=0:4", "2=0:3"]}
-    grid = Gym(env_id="minigrid:MiniGrid-Empty-5x5-v0", goal="reward>0", **place).imported()
+    grid = Gym(env_id="minigrid:MiniGrid-Empty-5x5-v0", goal="reward>0", **place).opened()
     assert grid.shape == (5, 5, 4)
     assert grid.packages == ("gymnasium", "minigrid")
     episodes = episodes_of(grid)

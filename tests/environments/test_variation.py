@@ -116,7 +116,7 @@ def test_a_file_gives_each_task_a_row_and_sources_others_than_targets(
     assert [Variation.read(turns.vary[1]).value(row) for row in (2, 4)] == ["4x4", None]  # type: ignore[index]  # given
     with pytest.raises(NotAllowed, match=r"turns\.jsonl has 2 rows for targets, which is no row for task 2"):
         rows(turns, Stream.TARGET_TASK, 3)
-    stored = told.imported().vary
+    stored = told.opened().vary
     digest = hashlib.sha256(TABLE.encode()).hexdigest()
     assert stored == (
         f"success_rate=file:told.csv@float:sha256:{digest}",
@@ -142,7 +142,7 @@ def test_a_file_that_lists_no_tasks_is_refused_in_a_sentence(
     if content is not None:
         Path("tasks.csv").write_bytes(content.encode("latin-1"))
     with pytest.raises(UsageError, match=told):
-        Gym(env_id="FrozenLake-v1", vary=["x=file:tasks.csv"]).imported()
+        Gym(env_id="FrozenLake-v1", vary=["x=file:tasks.csv"]).opened()
 
 
 def test_a_file_is_known_by_its_digest_and_its_rows_by_their_number(
@@ -159,11 +159,12 @@ def test_a_file_is_known_by_its_digest_and_its_rows_by_their_number(
         "--learner",
         "exact",
     )
-    beyond = here(*learn)
-    assert (beyond.code, beyond.out) == (4, "")
-    assert "told.csv has 2 rows for sources" in beyond.err
+    beyond = here(*learn, "--tasks", 3)
+    assert (beyond.code, beyond.out) == (2, "")
+    assert "--tasks is 3, and " in beyond.err
+    assert "has 2 sources; ask for fewer" in beyond.err
     assert beyond.err.count("\n") == 1
-    fit = here("fit", here(*learn, "--tasks", 2, "-q").path, "-q").path
+    fit = here("fit", here(*learn, "-q").path, "-q").path
     transfer = ("transfer", "zero", fit, "--tasks", 2, "--episodes", 5, "-q")
     run = here(*transfer)
     assert run.code == 0, run.err
