@@ -20,6 +20,7 @@ STAND_IN = """#!/bin/sh
 case "$1 $2 $*" in
     "train-sources gym"*Acrobot*) set -- "$@" --tasks 1 --episodes 3 --horizon 50;;
     "train-sources gym"*CartPole*) set -- "$@" --tasks 3 --episodes 100;;
+    "train-sources gridworld"*--map*) ;;
     "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
     "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
