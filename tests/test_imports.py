@@ -29,6 +29,7 @@ LAYERS = (
     ("qinit_cli.tasks",),
     ("qinit_cli.methods",),
     ("qinit_cli.environments",),
+    ("qinit_cli.task_files",),
     ("qinit_cli.kernels",),
 )
 

@@ -27,12 +27,14 @@ from qinit_cli.options import tunable
 from qinit_cli.schedules import Linear
 from qinit_store.errors import NotFound
 
+MAPS = Path(__file__).parent / "environments" / "maps"
 FAMILY = {
     "gridworld": {"size": 5, "variance": 2},
     "mountain-car": {"noise": 0.005},
     "windy-gridworld": {"size": 5},
     "mixture-gridworld": {"size": 5},
     "gym": {"env_id": "FrozenLake-v1"},
+    "tasks": {"file": str(MAPS), "use": "0:3"},
 }
 WORDS = {
     "gridworld": ("--size", 5, "--variance", 2),
@@ -40,6 +42,7 @@ WORDS = {
     "windy-gridworld": ("--size", 5),
     "mixture-gridworld": ("--size", 5),
     "gym": ("FrozenLake-v1",),
+    "tasks": (MAPS, "--use", "0:3"),
 }
 
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from qinit_cli.arrays import Flags, Floats, Tasks
-    from qinit_cli.environments.task_tables import OwnTask, OwnTaskSet
     from qinit_cli.kernels.tables import Tables
+    from qinit_cli.task_files.tables import OwnTask, OwnTaskSet
     from qinit_store.schema import Axis, Column
 
 NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
@@ -122,7 +122,7 @@ class OwnTasks(TableFamily):
 
     def opened(self) -> Self:
         """The family with what its file tells; UsageError or NotAllowed where it is missing, cannot be read or was changed."""
-        from qinit_cli.environments.task_file import digest_of, tasks_in
+        from qinit_cli.task_files.reading import digest_of, tasks_in
 
         if self.sha256:
             return self
@@ -319,7 +319,7 @@ class OwnTasks(TableFamily):
         return np.array([not one.has_goal for one in self._of(tasks)], np.bool_)
 
     def _there(self) -> OwnTaskSet:
-        from qinit_cli.environments.task_file import tasks_in
+        from qinit_cli.task_files.reading import tasks_in
 
         self._check_known()
         return tasks_in(Path(self.file), self.sha256)

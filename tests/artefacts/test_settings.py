@@ -38,7 +38,20 @@ FITTED = FitSettings.of(SourcesSettings.of(SOURCES, 10), HASH, FitOptions())
 TARGETS = TargetTasks(Gridworld(), Gridworld.target_learning, 0, False)
 
 
-NEEDED = {"gym": {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]}}
+NEEDED: dict[str, dict[str, Any]] = {
+    "gym": {"env_id": "FrozenLake-v1", "vary": ["success_rate=uniform:0.4,0.9"]},
+    "tasks": {
+        "file": "mdps.npz",
+        "use": "0:3",
+        "axes_": "row=3,col=4",
+        "actions_": "left,right",
+        "reward": "native",
+        "sha256": HASH,
+        "count": 6,
+        "paid": (-1.0, 0.0, 0.0, 2.0),
+        "targets": "3:6",
+    },
+}
 
 
 @pytest.mark.parametrize("name", FAMILIES)

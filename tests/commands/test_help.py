@@ -123,7 +123,7 @@ def test_defaults_from_the_family_are_told(helped: Callable[..., list[str]]) -> 
         learning = family.source_learning
         for setting in ("episodes", "alpha", "gamma", "epsilon", "start", "horizon"):
             assert f"default: ({getattr(learning, setting)})" in _line_of(flag(setting), lines)
-        assert f"default: ({family.source_tasks})" in _line_of("--tasks", lines)
+        assert f"default: ({family.source_tasks or 'all there are'})" in _line_of("--tasks", lines)
     lines = helped("transfer zero")
     assert f"gridworld {FAMILIES['gridworld'].target_tasks}" in _line_of("--tasks", lines)
     assert "[default: (from the fit)]" in _line_of("--gamma", lines)

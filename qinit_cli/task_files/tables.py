@@ -19,7 +19,7 @@ ROUNDING = 1e-6  # of rows of probabilities, which may be written in single prec
 NEITHER = -3  # an end, before it is known whether it is the goal
 KEYS = {  # of an archive, with what each holds
     "P": "(N, S, A, S)",
-    "after": "(N, S, A, O)",
+    "after": "(N, S, A, O), O being 1 without chance",
     "chance": "(N, S, A, O)",
     "R": "(N, S, A, S), (N, S, A, O) or (N, S, A)",
     "transitions": "(N, S, A) or (S, A)",
@@ -29,7 +29,8 @@ KEYS = {  # of an archive, with what each holds
     "terminal": "(N, S) or (S,)",
     "split": "(N,)",
 }
-LAYOUTS = ({"P"}, {"after", "chance"}, {"transitions", "rewards"})  # each of them a way to write transitions
+# the ways to write transitions: what one has, and what it must have
+LAYOUTS = (({"P"}, {"P"}), ({"after", "chance"}, {"after"}), ({"transitions", "rewards"},) * 2)
 SHARED = ("start", "goal", "terminal")  # may be the same for all tasks
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -118,8 +119,8 @@ def _with_task_axis(arrays: Arrays, named: str) -> Arrays:
         raise NotAllowed(
             f"{named} holds {unknown[0]!r}, which is no array of tasks; known are {', '.join(KEYS)}"
         )
-    layout = [each for each in LAYOUTS if each & set(arrays)]
-    if len(layout) != 1 or not layout[0] <= set(arrays):
+    layouts = [needed for held, needed in LAYOUTS if held & set(arrays)]
+    if len(layouts) != 1 or not layouts[0] <= set(arrays):
         raise NotAllowed(
             f"{named} has {', '.join(sorted(arrays)) or 'no arrays'}; transitions are P, after and chance, or transitions and "
             "rewards, one of the three"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.environments.task_tables import OwnTask
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.worlds import GOAL, LOST
+from qinit_cli.task_files.tables import OwnTask
 
 MOVES = {"up": (-1, 0), "down": (1, 0), "left": (0, -1), "right": (0, 1)}
 WALL, HOLE, GOALS, START, FREE = "#", "H", "G", "S", ".F "

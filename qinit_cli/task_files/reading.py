@@ -15,9 +15,9 @@ from typing import Any, BinaryIO, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from qinit_cli.environments.task_maps import MOVES, map_task
-from qinit_cli.environments.task_tables import OwnTask, OwnTaskSet, own_tasks, told_apart
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.task_files.maps import MOVES, map_task
+from qinit_cli.task_files.tables import OwnTask, OwnTaskSet, own_tasks, told_apart
 
 Read = TypeVar("Read")
 MAPPED_BYTES = 1 << 24  # from which on an array is not copied
