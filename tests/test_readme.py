@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ready import Ready
@@ -43,6 +45,9 @@ def _run(
     smaller = found_first / "qinit"
     smaller.write_text(STAND_IN.format(qinit=ready.qinit, tiny=found_first / "tiny"))
     smaller.chmod(0o755)
+    python = found_first / "python"  # whichever the surroundings have, this one has numpy
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
+    python.chmod(0o755)
     return subprocess.run(
         ["bash", "-e", "-c", "set -o pipefail\n" + "\n".join(blocks)],
         cwd=folder,
@@ -61,6 +66,19 @@ def test_every_command_of_the_page_on_gymnasium_works(tmp_path: Path, ready: Rea
     assert ended.stdout.count("logqinit-median") == 2  # a comparison of each environment
     pictures = {path.name for path in tmp_path.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
     assert pictures == {"lake.png", "ice.png"}
+
+
+def test_every_command_of_the_page_on_tasks_works(tmp_path: Path, ready: Ready) -> None:
+    page = README.parent / "docs" / "tasks.md"
+    (tmp_path / "bin").mkdir()
+    ended = _run([*_blocks("sh", page)], tmp_path, tmp_path / "bin", ready)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.count("tasks-mdps-") >= 2
+    [block] = _blocks("python", page)
+    there: dict[str, Any] = {}
+    with contextlib.chdir(tmp_path):
+        exec(block, there)  # in this process: importing everything would take longer
+    assert there["run"]["file_task"].tolist() == [14, 15, 16, 17, 18, 19]
 
 
 def test_the_readme_shows_commands() -> None:
