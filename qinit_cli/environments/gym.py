@@ -85,7 +85,6 @@ class Gym(TableFamily):
         "given several times, from the inside out.",
         metavar="MODULE:FACTORY",
         default_text="nothing",
-        seldom=True,
     )
     state: str | None = option(
         None,
@@ -93,7 +92,6 @@ class Gym(TableFamily):
         "gives what each number covers.",
         metavar="ATTRIBUTE[,...]",
         default_text="what is observed",
-        seldom=True,
     )
     goal: str | None = option(
         None,
