@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -172,8 +172,17 @@ def _spaces(recipe: Recipe, env: Any, bins: str, ranges: tuple[str, ...]) -> See
             f"a table of {recipe} would have {len(dimensions)} dimensions and {_told(states)} states; give fewer --bins, or "
             "the attributes that matter: --state ATTRIBUTE,..."
         )
-    row = list if recipe.state else reader(space)
+    row = partial(_all_there, len(dimensions)) if recipe.state else reader(space)
     return Seen(tuple(each.length for each in dimensions), actions, False, dimensions, nothing, row)
+
+
+def _all_there(length: int, row: list[Any]) -> list[Any]:
+    """The numbers of the attributes; Improper where they are more or fewer than at the first look."""
+    if len(row) != length:
+        raise Improper(
+            f"the attributes of --state are {counted(len(row), 'number')}, and were {length} at first"
+        )
+    return row
 
 
 def _actions(recipe: Recipe, env: Any) -> tuple[str, ...]:

@@ -158,6 +158,9 @@ def test_attributes_are_the_state_whole_numbers_one_by_one_and_others_in_bins() 
     assert [episodes.start(0), episodes.step(0), episodes.step(1)] == [16, 18, 22]
     with pytest.raises(NotAllowed, match=r"observed 4 in dimension 1 \(place\[1\]\), .* of --range 1=-1:2"):
         episodes.step(1)
+    episodes._env.unwrapped.angle = np.zeros(2)
+    with pytest.raises(NotAllowed, match="the attributes of --state are 4 numbers, and were 3 at first"):
+        episodes.step(1)
 
 
 @pytest.mark.parametrize(
