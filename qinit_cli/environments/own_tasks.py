@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -130,17 +132,15 @@ class OwnTasks(TableFamily):
         there = tasks_in(Path(self.file), sha256)
         count, paid = len(there.tasks), there.paid
         axes, actions = self.axes_ or there.axes, self.actions_ or ",".join(there.actions)
-        states = math.prod(_axes(there.axes).values())
-        if math.prod(_axes(axes).values()) != states:
-            raise UsageError(
-                f"--axes {axes} are {math.prod(_axes(axes).values())} states, and the tasks of {self.file} have {states}"
-            )
+        given, states = (math.prod(_axes(one).values()) for one in (axes, there.axes))
+        if given != states:
+            raise UsageError(f"--axes {axes} are {given} states, and the tasks of {self.file} have {states}")
         if len(actions.split(",")) != len(there.actions):
             raise UsageError(
                 f"--actions {actions} are {len(actions.split(','))}, and the tasks of {self.file} have {len(there.actions)}"
             )
         try:
-            use = picked(self.use or f"0:{count}", count, there.splits)
+            use = picked(":" if self.use is None else self.use, count, there.splits)
         except ValueError as error:
             raise UsageError(f"--use {error}") from error
         return replace(
@@ -172,7 +172,7 @@ class OwnTasks(TableFamily):
             self._check_apart(held, there)
         return replace(self, targets=written(held))
 
-    def _check_apart(self, held: list[int], there: OwnTaskSet) -> None:
+    def _check_apart(self, held: Sequence[int], there: OwnTaskSet) -> None:
         """UsageError where one of the targets is a source too."""
         sources = {there.tasks[task].digest: task for task in self._use}
         for task in held:
@@ -298,16 +298,15 @@ class OwnTasks(TableFamily):
         return True
 
     @property
-    def _use(self) -> list[int]:
+    def _use(self) -> tuple[int, ...]:
         return _named("--use", self.use or "", self.count)
 
     @property
-    def _held(self) -> list[int]:
+    def _held(self) -> tuple[int, ...]:
         return self._rest() if self.targets is None else _named("--targets", self.targets, self.count)
 
-    def _rest(self) -> list[int]:
-        used = set(self._use)
-        return [task for task in range(self.count) if task not in used]
+    def _rest(self) -> tuple[int, ...]:
+        return _others(self._use, self.count)
 
     def _of(self, tasks: Tasks) -> list[OwnTask]:
         there = self._there().tasks
@@ -344,12 +343,20 @@ def _axes(text: str) -> dict[str, int]:
     return sizes
 
 
-def _named(named: str, text: str, count: int) -> list[int]:
+@lru_cache(maxsize=64)  # each task asks
+def _named(named: str, text: str, count: int) -> tuple[int, ...]:
     """The tasks that a stored text means; ValueError where it means none."""
     try:
-        return picked(text, count)
+        return tuple(picked(text, count))
     except ValueError as error:
         raise ValueError(f"{named} {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _others(tasks: tuple[int, ...], count: int) -> tuple[int, ...]:
+    """The tasks that are none of these."""
+    there = set(tasks)
+    return tuple(task for task in range(count) if task not in there)
 
 
 def _reward(asked: NativeReward | None, there: OwnTaskSet, file: str) -> NativeReward:
