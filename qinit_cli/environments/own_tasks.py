@@ -116,6 +116,8 @@ class OwnTasks(TableFamily):
             raise ValueError("use, axes, actions and reward are set once a file was opened")
         if len(self.paid) != 4 or not all(isinstance(one, float) and math.isfinite(one) for one in self.paid):
             raise ValueError(f"paid is {list(self.paid)!r}; these are four numbers")
+        if self.paid[0] > self.paid[1] or self.paid[2] > self.paid[3]:
+            raise ValueError(f"paid is {list(self.paid)!r}; the least reward stands before the largest")
         for name in ("use", "targets"):
             if (text := getattr(self, name)) is not None:
                 if not isinstance(text, str):

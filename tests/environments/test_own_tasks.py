@@ -234,6 +234,38 @@ def test_tasks_and_names_that_are_not_there_are_refused(
         opened(file, **settings)
 
 
+STORED: dict[str, Any] = {
+    "file": "mdps.npz",
+    "use": "0:2",
+    "axes_": "state=5",
+    "actions_": "a,b",
+    "reward": "native",
+    "sha256": "0" * 64,
+    "count": 3,
+    "paid": [-1.0, 0.0, 0.0, 1.0],
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"sha256": "no digest"}, "no SHA-256"),
+        ({"count": 10**9}, "a file holds 1 to 1000000 tasks"),
+        ({"use": "0:4"}, "there are 3 tasks"),
+        ({"targets": "2:9"}, "there are 3 tasks"),
+        ({"axes_": "state=99999999"}, "more states than"),
+        ({"actions_": "a,a"}, "each action has a name of its own"),
+        ({"paid": [1.0, 0.0, 0.0, 1.0]}, "the least reward stands before the largest"),
+        ({"paid": [0.0, float("nan"), 0.0, 1.0]}, "these are four numbers"),
+        ({"reward": None}, "are set once a file was opened"),
+    ],
+)
+def test_stored_settings_that_no_file_can_have_are_refused(changed: dict[str, Any], told: str) -> None:
+    OwnTasks(**STORED)
+    with pytest.raises(ValueError, match=told):
+        OwnTasks(**STORED | changed)
+
+
 @pytest.mark.parametrize(
     ("text", "tasks"),
     [
