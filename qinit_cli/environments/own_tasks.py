@@ -8,12 +8,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import TableFamily
 from qinit_cli.environments.family import Role
-from qinit_cli.environments.task_ranges import FORMS, picked, written
+from qinit_cli.environments.task_ranges import FOLD, FORMS, picked, written
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
@@ -37,6 +38,7 @@ TAKEN = re.compile(
     "visits|weight"
 )
 SHA256 = re.compile("[0-9a-f]{64}")
+LONGEST_NAMED = 60  # characters of a file or of what is used of it, in an artefact's name
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
 
@@ -130,8 +132,8 @@ class OwnTasks(TableFamily):
 
         if self.sha256:
             return self
-        sha256 = digest_of(Path(self.file))
-        there = tasks_in(Path(self.file), sha256)
+        digest = digest_of(Path(self.file))
+        there = tasks_in(Path(self.file), digest)
         count, paid = len(there.tasks), there.paid
         axes, actions = self.axes_ or there.axes, self.actions_ or ",".join(there.actions)
         given, states = (math.prod(_axes(one).values()) for one in (axes, there.axes))
@@ -147,11 +149,11 @@ class OwnTasks(TableFamily):
             raise UsageError(f"--use {error}") from error
         return replace(
             self,
-            use=written(use),
+            use=self.use if self.use and FOLD.fullmatch(self.use) else written(use),
             axes_=axes,
             actions_=actions,
             reward=_reward(self.reward, there, self.file),
-            sha256=sha256,
+            sha256=digest,
             count=count,
             paid=(*paid.going_on, *paid.ending),
         )
@@ -189,7 +191,10 @@ class OwnTasks(TableFamily):
     @property
     def label(self) -> str:
         """The file's name and the sources' numbers."""
-        named = NO_NAME.sub("-", f"{PurePath(self.file).stem}-{self.use or 'all'}")
+        use = self.use or "all"
+        if len(use) > LONGEST_NAMED:  # a file's name has 255 characters at most
+            use = f"{len(self._use)}-of-{self.count}-{sha256(use.encode()).hexdigest()[:8]}"
+        named = NO_NAME.sub("-", f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
         return f"{self.name}-{named.strip('-.')}{in_label(self.reward or 'goal')}"
 
     @property

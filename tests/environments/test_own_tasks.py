@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -264,6 +265,16 @@ def test_stored_settings_that_no_file_can_have_are_refused(changed: dict[str, An
     OwnTasks(**STORED)
     with pytest.raises(ValueError, match=told):
         OwnTasks(**STORED | changed)
+
+
+def test_a_fold_keeps_its_name_and_many_ranges_have_a_short_one(archive: Callable[..., str]) -> None:
+    many = 60
+    file = archive(after=np.tile(CHAIN[..., None], (many, 1, 1, 1)), split=["in", "out"] * (many // 2))
+    fold, labelled = opened(file, use="fold:2/5"), opened(file, use="in")
+    assert (fold.use, fold.label, fold.available("target")) == ("fold:2/5", "tasks-mdps-fold-2-5", 12)
+    assert labelled.use is not None
+    assert labelled.use.startswith("0:1,2:3,4:5,")
+    assert re.fullmatch("tasks-mdps-30-of-60-[0-9a-f]{8}", labelled.label)
 
 
 @pytest.mark.parametrize(
