@@ -79,7 +79,7 @@ def _compiler() -> str:
     import numba
     import numpy
 
-    from qinit_cli.environments.grid_map import open_map
+    from qinit_cli.grid_map import open_map
     from qinit_cli.kernels.gridworld_exact import distances
 
     found = numpy.empty((1, 4), numpy.int64)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from qinit_cli.environments.grid_map import LEAST, MOST, map_text, read_map
 from qinit_cli.environments.normal_goals import NormalGoals
 from qinit_cli.environments.slippery_grid import SlipperyGrid
+from qinit_cli.grid_map import LEAST, MOST, map_text, read_map
 from qinit_cli.options import check, option
 from qinit_cli.rewards import REWARD, Reward
 

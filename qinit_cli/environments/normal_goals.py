@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from qinit_cli.environments.grid_map import GridMap
+from qinit_cli.grid_map import GridMap
 
 if TYPE_CHECKING:
     import numpy as np

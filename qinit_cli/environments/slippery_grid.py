@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import DrawnFamily
-from qinit_cli.environments.grid_map import GridMap, open_map, read_map
 from qinit_cli.errors import NotAllowed
+from qinit_cli.grid_map import GridMap, open_map, read_map
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import Payment, exact_returns, exact_variances, in_label, payment
 

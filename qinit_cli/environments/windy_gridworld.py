@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from qinit_cli.environments.bases import TableFamily
-from qinit_cli.environments.grid_map import open_map
+from qinit_cli.grid_map import open_map
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import REWARD, Reward, in_label

@@ -14,9 +14,9 @@ from running import run_here
 
 from qinit_cli.artefacts.settings import StoredFamily
 from qinit_cli.environments.family import draw_tasks
-from qinit_cli.environments.grid_map import open_map, read_map
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.grid_map import open_map, read_map
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds
 from qinit_cli.kernels.random_streams import lane_seeds, seeds

@@ -353,9 +353,10 @@ def test_an_artefact_is_shown_without_its_file_and_nothing_is_learned_from_anoth
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("g.txt", "S.G\n..\n", "rows of 2, 3 cells"),
+        ("g.txt", "S.G\n..\n", "has 3 cells in row 0 and 2 in row 1"),
         ("g.txt", "S.G\n.x.\n", "'x' in row 1, column 1"),
-        ("g.txt", "..G\n...\n", "0 starts"),
+        ("g.txt", "#.G\n...\n", "has no start, and its first cell is not free"),
+        ("g.txt", "S..\n...\n", "has no goal; mark one by G"),
         ("g.txt", "S.G\n...\n", "has 2 x 3 rows and columns, and a.txt 3 x 4"),
         ("g.npz", "", "holds both .npz and .txt files"),
     ],

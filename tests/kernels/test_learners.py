@@ -11,7 +11,7 @@ import reference
 import test_loop
 from learner_reference import flipped
 
-from qinit_cli.environments.grid_map import open_map
+from qinit_cli.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.gridworld import Gridworlds

@@ -10,7 +10,7 @@ import pytest
 import reference
 from scipy import stats
 
-from qinit_cli.environments.grid_map import open_map
+from qinit_cli.grid_map import open_map
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Records, Start, Weighing, learn
 from qinit_cli.kernels.compiled import lean

@@ -7,8 +7,8 @@ import pytest
 import quantecon
 
 from qinit_cli.environments.family import draw_tasks
-from qinit_cli.environments.grid_map import open_map
 from qinit_cli.environments.gridworld import Gridworld
+from qinit_cli.grid_map import open_map
 from qinit_cli.kernels import tables_exact
 from qinit_cli.kernels.tables import Tables
 from qinit_cli.kernels.worlds import GOAL, LOST

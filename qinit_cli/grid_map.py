@@ -133,28 +133,36 @@ def open_map(size: int) -> GridMap:
 
 
 @lru_cache(maxsize=16)
-def read_map(text: str) -> GridMap:
-    """The map of rows with line breaks or / between them; ValueError, one sentence, where it is none."""
+def read_map(text: str, named: str = "--map", *, connected: bool = True) -> GridMap:
+    """The map of rows with line breaks or / between them, `named` so in ValueError, one sentence, where it is none.
+
+    `connected`: every free cell must have a way to every other.
+    """
     rows = text.replace("/", "\n").rstrip("\r\n").splitlines()
     across = len(rows[0]) if rows else 0
     for at, row in enumerate(rows):
         if unknown := next((letter for letter in row if letter not in LETTERS), None):
             raise ValueError(
-                f"--map has {unknown!r} in row {at}, column {row.index(unknown)}; a cell is {NAMED}"
+                f"{named} has {unknown!r} in row {at}, column {row.index(unknown)}; a cell is {NAMED}"
             )
         if len(row) != across:
             raise ValueError(
-                f"--map has {across} cells in row 0 and {len(row)} in row {at}; give all rows as many"
+                f"{named} has {across} cells in row 0 and {len(row)} in row {at}; give all rows as many"
             )
     if not (LEAST <= len(rows) <= MOST and LEAST <= across <= MOST):
-        raise ValueError(f"--map has {len(rows)} rows of {across} cells; it takes {LEAST} to {MOST} of both")
+        raise ValueError(
+            f"{named} has {len(rows)} rows of {across} cells; it takes {LEAST} to {MOST} of both"
+        )
     rows = [row.translate(SAME) for row in rows]
     if not any(letter in STARTS for row in rows for letter in row):
         if rows[0][0] != FREE:
-            raise ValueError("--map has no start, and its first cell is not free; mark a start by S")
+            raise ValueError(f"{named} has no start, and its first cell is not free; mark a start by S")
         rows[0] = "S" + rows[0][1:]
     found = GridMap(tuple(rows))
-    _check(found)
+    if not found.goal_places:
+        raise ValueError(f"{named} has no free cell for a goal beside its starts; mark one by . or G")
+    if connected:
+        _check_connected(found, named)
     return found
 
 
@@ -171,11 +179,9 @@ def map_text(given: Path) -> str:
         raise ValueError(f"--map {given} is no text of a map; a cell is {NAMED}") from error
 
 
-def _check(found: GridMap) -> None:
-    """ValueError where there is no place for a goal, or a cell that no way leads to."""
+def _check_connected(found: GridMap, named: str) -> None:
+    """ValueError where no way leads to a cell."""
     letters = "".join(found.rows)
-    if not found.goal_places:
-        raise ValueError("--map has no free cell for a goal beside its starts; mark one by . or G")
     reached = _reached(found, letters)
     cut = next(
         (cell for cell, known in enumerate(reached) if not known and letters[cell] not in (WALL, HOLE)), None
@@ -183,7 +189,7 @@ def _check(found: GridMap) -> None:
     if cut is not None:
         start, there = found.place(found.starts[0]), found.place(cut)
         raise ValueError(
-            f"--map has no way from the start {start} to the cell {there}; open one, or make it a wall"
+            f"{named} has no way from the start {start} to the cell {there}; open one, or make it a wall"
         )
 
 
