@@ -40,16 +40,22 @@ def add_to(app: typer.Typer) -> None:
 def import_files(files: list[str], asked: ImportedFiles, output: Output, display: Display) -> None:
     """Imports the files, publishes sources or runs and prints their paths."""
     from qinit_cli.commands.console import Printed
-    from qinit_cli.commands.results import say_result
+    from qinit_cli.commands.results import say_expected, say_result
     from qinit_cli.importing.runs import import_runs
-    from qinit_cli.importing.tables import make_import
+    from qinit_cli.importing.tables import import_of, make_import
+    from qinit_cli.pipeline.estimate import Expected
 
-    if output.dry_run:
-        raise UsageError("an import has no trial to judge by; leave out --dry-run")
     if asked.runs:
+        if output.dry_run:
+            raise UsageError("--dry-run is of tables; an import of --runs is over at once, leave it out")
         for file in files:
             for method, made in import_runs(Path(file), asked, output.keeping):
                 say_result(made, SCHEMA, _of_curves(method, made.tally), output, display)
+        return
+    if output.dry_run:
+        wanted = import_of(files, asked)
+        target, size = wanted.target(output.keeping), wanted.schema.task_bytes * wanted.settings.tasks
+        say_expected(Expected(str(target), wanted.settings.tasks, 0, 0, 0.0, size), output, display)
         return
     made = make_import(files, asked, output.keeping, Printed(display))
     say_result(made, SCHEMA, _of_tables(made.tally, len(files)), output, display)

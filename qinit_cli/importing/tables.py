@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,6 +38,9 @@ from qinit_cli.rewards import ReturnBounds
 from qinit_cli.watch import Watch
 from qinit_store.guard import MOST_TASKS
 from qinit_store.wording import counted
+
+if TYPE_CHECKING:
+    from qinit_store.schema import Schema
 
 USUAL_AXES = {1: ("state",), 2: ("row", "col")}  # names of state axes, by their number
 Given = str | Path | Any  # a file, or an array in memory
@@ -109,6 +112,16 @@ class Import:
         """Of the returns in the tables."""
         return bounds_of(self.family, self.settings.learning.gamma)
 
+    @property
+    def schema(self) -> Schema:
+        """The layout of the artefact."""
+        axes, action = self.family.axes(), action_axis(self.family)
+        return imported_schema(axes, action, self.bounds, self.tables[0].roles)
+
+    def target(self, keeping: Keeping) -> Path:
+        """Where the artefact goes."""
+        return target_path(keeping, f"{self.family.label}-{self.settings.tasks}", self.settings)
+
     def rows(self) -> Iterator[tuple[int, dict[str, Any], int]]:
         """Blocks of tasks: the first one's id, the columns of an artefact, and how many pairs are unknown."""
         entries = math.prod(self.family.shape) * len(self.family.actions)
@@ -127,12 +140,10 @@ def make_import(
     UsageError where the files do not have what was asked for; NotAllowed for tables that cannot be.
     """
     wanted = import_of(given, asked)
-    settings, family = wanted.settings, wanted.family
-    schema = imported_schema(family.axes(), action_axis(family), wanted.bounds, wanted.tables[0].roles)
+    settings, target = wanted.settings, wanted.target(keeping)
     origin = provenance(keeping.command)
-    target = target_path(keeping, f"{family.label}-{settings.tasks}", settings)
     tally, unknown = Tally(tasks=settings.tasks), 0
-    with working(target, schema, settings, keeping, origin) as artefact:
+    with working(target, wanted.schema, settings, keeping, origin) as artefact:
         complete = artefact.complete
         if complete:
             tally.skipped = settings.tasks

@@ -142,7 +142,7 @@ def test_rows_that_are_no_curves_are_refused(
             ("--gamma", GAMMA, "--horizon", 3),
             "--horizon is no option of tables; leave it out, or give --runs",
         ),
-        (("--runs", "--gamma", GAMMA, "--dry-run"), "leave out --dry-run"),
+        (("--runs", "--gamma", GAMMA, "--dry-run"), "--dry-run is of tables"),
     ],
 )
 def test_what_an_import_of_curves_cannot_be_asked(

@@ -200,7 +200,10 @@ def test_the_same_file_is_the_same_artefact_and_another_is_another(
     here: Callable[..., Ended], q: Any
 ) -> None:
     np.save("q.npy", q)
+    expected = here("import", "q.npy", "--gamma", 0.9, "--dry-run", "--json").json
+    assert not Path("qinit-store").exists()
     first = here("import", "q.npy", "--gamma", 0.9, "--json").json
+    assert (expected["path"], expected["tasks"]) == (first["path"], len(q))
     assert first["digest"] == qinit.import_tables("q.npy", gamma=0.9).digest
     assert here("import", "q.npy", "--gamma", 0.9, "--json").json["skipped"] == len(q)
     np.save("q.npy", q / 2)
