@@ -47,7 +47,7 @@ class FitKind(Kind["FitSettings"]):
         everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
         library = artefact.schema.sizes["library"]
         sources = self.read(artefact.spec).sources
-        bounds = sources.family.bounds(sources.learning.gamma)
+        bounds = sources.bounds
         return fit_schema(
             states,
             action,

@@ -36,7 +36,7 @@ def _check_unknown(artefact: Artefact) -> None:
 def _check_moments(artefact: Artefact) -> None:
     """ValueError where statistics of a fit contradict one another."""
     sources = FitSettings.read(artefact.spec).sources
-    bounds = sources.family.bounds(sources.learning.gamma)
+    bounds = sources.bounds
     if not math.isfinite(bounds.width):  # of a plug-in that is not installed
         return
     tables = {name: artefact.read(name) for name in ("n", *COUNTED["n"], *ESTIMATED)}

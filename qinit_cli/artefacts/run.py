@@ -115,14 +115,9 @@ class RunKind(Kind["RunSettings"]):
             updating="visits" in there,
             hypotheses=sizes.get("hypothesis", 0),
             moments=axes["moment"].values if "moment" in axes else None,
-            bounds=self._bounds(artefact),
+            bounds=self.read(artefact.spec).bounds,
             told_returns="return" in there,
         ).columns
-
-    def _bounds(self, artefact: Artefact) -> ReturnBounds:
-        """The least and the largest return of its targets."""
-        settings = self.read(artefact.spec)
-        return settings.family.bounds(settings.learning.gamma)
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         learning = self.read(artefact.spec).learning
@@ -134,7 +129,8 @@ class RunKind(Kind["RunSettings"]):
         from qinit_cli.artefacts.columns import ROUNDING
         from qinit_cli.methods import METHODS
 
-        own, bounds = METHODS.is_own(self.read(artefact.spec).method.name), self._bounds(artefact)
+        settings = self.read(artefact.spec)
+        own, bounds = METHODS.is_own(settings.method.name), settings.bounds
         slack, width = ROUNDING * bounds.width, bounds.width
         # potentials of our methods are within the bounds, or 0, and a shaped value is a plain one less its potential
         ours = {

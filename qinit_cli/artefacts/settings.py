@@ -334,6 +334,11 @@ class SourcesSettings:
         }
 
     @property
+    def bounds(self) -> ReturnBounds:
+        """The least and the largest return of the tasks."""
+        return self.family.bounds(self.learning.gamma)
+
+    @property
     def imported(self) -> bool:
         """Whether the tables were learned elsewhere: path lengths, steps and where targets start are unknown."""
         return self.learner == IMPORTED
@@ -513,6 +518,11 @@ class RunSettings:
         return cls(**found | {"source_set": there})
 
     @property
+    def bounds(self) -> ReturnBounds:
+        """The least and the largest return of the tasks."""
+        return self.family.bounds(self.learning.gamma)
+
+    @property
     def imported(self) -> bool:
         """Whether the curves come from elsewhere: start, sources and how the targets were learned are unknown."""
         return self.family.name == ImportedTables.name
@@ -584,6 +594,11 @@ class TuningSettings:
                 raise ValueError(f"the values tried of {name} are no list of numbers")
         found = _read_targets(told, tuned=told["grid"])
         return cls(**found | {"sources": SourcesSettings.read_within(told["sources"])})
+
+    @property
+    def bounds(self) -> ReturnBounds:
+        """The least and the largest return of the tasks."""
+        return self.family.bounds(self.learning.gamma)
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps them."""

@@ -66,7 +66,7 @@ class SourcesKind(Kind["SourcesSettings"]):
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         settings, bins = self.read(artefact.spec), artefact.schema.sizes.get("bin", 0)
-        bounds = settings.family.bounds(settings.learning.gamma)
+        bounds = settings.bounds
         if settings.imported:
             return imported_schema(*self.axes(artefact), bounds).columns
         return sources_schema(*self.axes(artefact), (), bins, bounds).columns
@@ -106,7 +106,7 @@ class SourcesKind(Kind["SourcesSettings"]):
         errors: list[Floats] = []
         parameters = [] if family is None else [column.name for column in family.parameters()]
         columns = ("q", "visits", "solved", "steps", "seconds", *parameters)
-        bounds = settings.family.bounds(settings.learning.gamma)
+        bounds = settings.bounds
         for block in blocks_in_shares(artefact, columns):
             solved += int(block["solved"].sum())
             steps += int(block["steps"].sum())
@@ -248,7 +248,7 @@ class Shares:
     def of(cls, artefact: Artefact) -> Self:
         """Those of the sources in an artefact."""
         settings = SOURCES.read(artefact.spec)
-        bounds = settings.family.bounds(settings.learning.gamma)
+        bounds = settings.bounds
         if settings.imported:
             return cls(bounds, settings.min_visits)
         # a learned table holds its start where it was never visited, which may be any return
@@ -292,7 +292,7 @@ def _imported_shown(artefact: Artefact, settings: SourcesSettings) -> Shown:
     numbers: dict[str, Any] = {"tasks": artefact.task_count, "files": len(settings.files)}
     numbers |= {"entries": entries, "entries_unknown": entries - known}
     mean = np.asarray(total) / max(1, artefact.task_count)
-    quantity = "Q" if settings.family.bounds(settings.learning.gamma) == UNIT else SHARE
+    quantity = "Q" if settings.bounds == UNIT else SHARE
     return Shown(numbers, mean, "heatmap", f"largest {quantity} over actions, mean over tasks")
 
 

@@ -55,7 +55,7 @@ class TuningKind(Kind["TuningSettings"]):
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
         settings, tried = self.read(artefact.spec), artefact.schema.sizes.get(CANDIDATE, 0)
-        bounds = settings.family.bounds(settings.learning.gamma)
+        bounds = settings.bounds
         return tuning_schema(self.asked(artefact.spec), tried, bounds).columns
 
     def reported(self, told: TuningSettings) -> Iterator[Reported]:

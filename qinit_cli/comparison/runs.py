@@ -75,7 +75,7 @@ class ComparedRun:
     @property
     def bounds(self) -> ReturnBounds:
         """The least and the largest return."""
-        return self.settings.family.bounds(self.gamma)
+        return self.settings.bounds
 
     def returns(self) -> Floats:
         """The discounted return of every episode, (T, E)."""

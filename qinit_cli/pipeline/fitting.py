@@ -137,7 +137,7 @@ def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
     *states, action = _axes(source)
     state_action = (*(axis.name for axis in states), action.name)
     settings = SourcesSettings.read(source.spec)
-    bounds = settings.family.bounds(settings.learning.gamma)
+    bounds = settings.bounds
     more = fit_statistics(statistics.contents(fitting), state_action)
     return fit_schema(tuple(states), action, library, *more, bounds=bounds, variances=not settings.imported)
 
