@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.environments.file_rows import literal
-from qinit_cli.environments.varied_values import KINDS, FileRows, Values
+from qinit_cli.environments.varied_values import KINDS, FileRows, VariedValues
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +64,7 @@ class Variation:
 
     name: str
     kind: str
-    values: Values
+    values: VariedValues
 
     @classmethod
     def read(cls, text: str) -> Self:

@@ -29,7 +29,7 @@ LONGEST_LABEL = 40  # letters: it becomes part of a file's name
 LEAST_MASS = 0.01  # of a normal that must lie within its bounds: below it, redrawing would take its time
 
 
-class Values(ABC):
+class VariedValues(ABC):
     """What one argument or attribute takes from task to task; numbers, unless a subclass has others."""
 
     form: ClassVar[str]  # how it is written behind its kind
@@ -73,7 +73,7 @@ class Values(ABC):
 
 
 @dataclass(frozen=True)
-class NormalValues(Values):
+class NormalValues(VariedValues):
     """A normal."""
 
     mean: float
@@ -97,7 +97,7 @@ class NormalValues(Values):
 
 
 @dataclass(frozen=True)
-class UniformValues(Values):
+class UniformValues(VariedValues):
     """Any number of a range."""
 
     low: float
@@ -176,7 +176,7 @@ class TruncatedNormalValues(NormalValues):
 
 
 @dataclass(frozen=True)
-class WholeValues(Values):
+class WholeValues(VariedValues):
     """A whole number of a range, both its ends included."""
 
     low: int
@@ -211,8 +211,8 @@ class WholeValues(Values):
 
 
 @dataclass(frozen=True)
-class ListedValues(Values):
-    """Values one of which is drawn; where they are not all numbers, by their places."""
+class ListedValues(VariedValues):
+    """VariedValues one of which is drawn; where they are not all numbers, by their places."""
 
     written: tuple[str, ...]  # as they were typed: a list is no key of a cache
 
@@ -265,7 +265,7 @@ class ListedValues(Values):
 
 
 @dataclass(frozen=True)
-class FrozenLakeMaps(Values):
+class FrozenLakeMaps(VariedValues):
     """Maps of a FrozenLake, each told by its seed."""
 
     size: int
@@ -312,7 +312,7 @@ class FrozenLakeMaps(Values):
 
 
 @dataclass(frozen=True)
-class FileRows(Values):
+class FileRows(VariedValues):
     """The column of a file that bears the argument's name, one row a task.
 
     A column `split` tells whether a row is a source's or a target's; without one they take turns, a source first.
@@ -394,7 +394,7 @@ class FileRows(Values):
         return rows
 
 
-KINDS: dict[str, type[Values]] = {
+KINDS: dict[str, type[VariedValues]] = {
     "normal": NormalValues,
     "uniform": UniformValues,
     "map": FrozenLakeMaps,
