@@ -43,6 +43,7 @@ class OutputFile:
     mark: bytes = (
         b""  # in every file that it makes; in forms without room for one only equal content is replaced
     )
+    remedy: str = "--force replaces it, or choose another name with -o"
 
     def check(self) -> None:
         """NotAllowed where what stands there is not to be replaced, as far as that is known before anything is made.
@@ -53,17 +54,15 @@ class OutputFile:
         if not os.path.lexists(self.path):
             return
         if (self.path.exists() and not self.path.is_file()) or _leads_to_a_process(self.path):
-            raise NotAllowed(
-                f"{self.path} is no regular file, and is never replaced; choose another name with -o"
-            )
+            raise NotAllowed(f"{self.path} is no regular file, and is never replaced; choose another name")
         if self.mark and not self.force and self.mark not in self._there():
-            raise NotAllowed(f"{self.path} was not made by {self.maker}; {_REMEDY}")
+            raise NotAllowed(f"{self.path} was not made by {self.maker}; {self.remedy}")
 
     def check_content(self, content: bytes) -> None:
         """NotAllowed where this content is not to take the place of what stands there."""
         self.check()
         if os.path.lexists(self.path) and not (self.force or self.mark or content == self._there()):
-            raise NotAllowed(f"{self.path} is there already, with other content; {_REMEDY}")
+            raise NotAllowed(f"{self.path} is there already, with other content; {self.remedy}")
 
     @contextmanager
     def writing(self) -> Iterator[IO[bytes]]:
@@ -120,7 +119,7 @@ class OutputFile:
         if self.force or self.mark or not os.path.lexists(self.path):
             return
         if not (self.path.is_file() and filecmp.cmp(beside, self.path, shallow=False)):
-            raise NotAllowed(f"{self.path} is there already, with other content; {_REMEDY}")
+            raise NotAllowed(f"{self.path} is there already, with other content; {self.remedy}")
 
     def _there(self) -> bytes:
         """What stands there, empty where it cannot be read: then it is not ours."""
@@ -128,9 +127,6 @@ class OutputFile:
             return self.path.read_bytes()
         except (FileNotFoundError, PermissionError):
             return b""
-
-
-_REMEDY = "--force replaces it, or choose another name with -o"
 
 
 def _leads_to_a_process(path: Path) -> bool:

@@ -123,7 +123,7 @@ def pyarrow() -> tuple[Any, Any]:
         return import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError as missing:
         raise UsageError(
-            "--to parquet needs pyarrow, which is not installed: in your clone of qinit, pip install -e '.[parquet]'"
+            "Parquet needs pyarrow, which is not installed: in your clone of qinit, pip install -e '.[parquet]'"
         ) from missing
 
 

@@ -217,7 +217,7 @@ def table_columns(state_axes: tuple[Axis, ...], action: Axis) -> tuple[Column, .
 def imported_schema(
     state_axes: tuple[Axis, ...], action: Axis, bounds: ReturnBounds, given: Sequence[str] = OF_IMPORTED
 ) -> Schema:
-    """What imported tables hold: the columns `given`, of q, visits and td_var; what nobody gave is not there."""
+    """What imported tables hold: the columns `given`, of q, visits and td_var, and no others."""
     from qinit_cli.artefacts.columns import within_bounds
     from qinit_store.schema import Schema, digest_axis, digest_column
 
@@ -262,7 +262,7 @@ class Shares:
     def block(self, block: Mapping[str, Any], names: Sequence[str] = ()) -> dict[str, Any]:
         """The block with shares: 0, which a fit leaves out, for a pair that is unknown.
 
-        Of imported tables also the columns `names` that nobody gave: variances of NaN, path lengths that never arrive.
+        Of imported tables also the columns `names` that were not given: variances of NaN, path lengths that never arrive.
         """
         import numpy as np
 

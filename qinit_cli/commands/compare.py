@@ -128,7 +128,7 @@ def _write_scores(path: Path, runs: list[ComparedRun], comparing: Comparing, dis
 
     packed = io.BytesIO()
     np.savez(packed, allow_pickle=False, **score_matrices(runs, comparing.metric))
-    file = OutputFile(path, comparing.force)
+    file = OutputFile(path, comparing.force, remedy="--force replaces it, or give --scores another name")
     file.check_content(packed.getvalue())
     if not file.settle(packed.getvalue()):
         file.write(packed.getvalue())

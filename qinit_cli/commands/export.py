@@ -65,7 +65,7 @@ class Exporting:
         ending = Path(self.output or "").suffix.lstrip(".").lower()
         if self.to is None and ending not in get_args(Format):
             raise UsageError(
-                "nothing says which format: --to csv, parquet, nc, npz or json, or -o with such an ending"
+                "the format is missing; give --to csv, parquet, nc, npz or json, or -o with such an ending"
             )
         return self.to or cast(Format, ending)
 

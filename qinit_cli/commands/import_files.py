@@ -29,7 +29,8 @@ def add_to(app: typer.Typer) -> None:
         references=(
             Reference(
                 "files",
-                "npy, npz, HDF5 (FILE.h5:/PATH), csv, tsv or parquet: (N, *states, A), or a file for each task.",
+                "npy, npz, HDF5 (FILE.h5:/PATH) with arrays (N, *states, A); csv, tsv or parquet with a row a value; several "
+                "files follow one another.",
                 several=True,
             ),
         ),
@@ -47,7 +48,11 @@ def import_files(files: list[str], asked: ImportedFiles, output: Output, display
 
     if asked.runs:
         if output.dry_run:
-            raise UsageError("--dry-run is of tables; an import of --runs is over at once, leave it out")
+            raise UsageError("--dry-run estimates imports of tables only; leave it out with --runs")
+        if output.output is not None and len(files) > 1:
+            raise UsageError(
+                f"-o names one file, and {len(files)} files make a run each at least; leave out -o and they go into the store"
+            )
         for file in files:
             for method, made in import_runs(Path(file), asked, output.keeping):
                 say_result(made, SCHEMA, _of_curves(method, made.tally), output, display)

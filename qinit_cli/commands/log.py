@@ -62,7 +62,7 @@ def log(runs: list[str], logging: Logging, reading: Reading, display: Display) -
     from qinit_cli.trackers.run_record import RunRecord
 
     if logging.to is None:
-        raise UsageError("nothing says which tracker: --to mlflow, wandb or tensorboard")
+        raise UsageError("--to is missing; give mlflow, wandb or tensorboard")
     tracker = import_module(f"qinit_cli.trackers.{logging.to}")
     for path in dict.fromkeys(references.many(runs, reading.store)):
         with open_artefact(path, "run") as artefact:

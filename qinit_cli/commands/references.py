@@ -52,9 +52,7 @@ def one(reference: str, store: str, *needed: str, output: str | Path | None = No
 def check_not_read(output: Path, read: Iterable[Path]) -> None:
     """UsageError where the output would take the place of a file that is read, with --force or without."""
     if output.exists() and any(path.exists() and output.samefile(path) for path in read):
-        raise UsageError(
-            f"{output} is read by this command, which never replaces it; choose another name with -o"
-        )
+        raise UsageError(f"{output} is read by this command, which never replaces it; choose another name")
 
 
 def _resolved(name: str, store: Store) -> Path:

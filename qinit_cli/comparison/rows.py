@@ -147,13 +147,20 @@ def _check_baseline(comparisons: list[GroupComparison], baseline: str) -> None:
         if comparison.baseline is None and same:
             raise NotAllowed(
                 f"runs of {comparison.title} did not meet the targets of {baseline}'s run ({same[0].title}), so they cannot be "
-                f"compared in pairs; transfer both with the same --seed, --tasks and learning options"
+                f"compared in pairs; {_same(comparison)}"
             )
     if not there and baseline not in METHODS:
         known = [*METHODS, *(row.label for comparison in comparisons for row in comparison.rows)]
         near = get_close_matches(baseline, known, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise UsageError(f"--baseline {baseline} is neither a method nor among these runs{hint}")
+
+
+def _same(comparison: GroupComparison) -> str:
+    """What to do so that runs meet the same targets."""
+    if comparison.rows[0].remark == IMPORTED:
+        return "import both with the same --horizon, --gamma and --name, and with as many tasks and episodes"
+    return "transfer both with the same --seed, --tasks and learning options"
 
 
 def _intervals(group: RunGroup) -> str:

@@ -185,11 +185,7 @@ class Family(Protocol):
 
 
 def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers | Sequence[int]) -> Tasks:
-    """The tasks at these indices of a stream, (B,), one field per parameter.
-
-    A family that has a method `task(index, role, rng)`, such as one whose tasks are listed in a file, is asked for them by
-    that; else `draw(rng)` knows of no index.
-    """
+    """The tasks at these indices of a stream, (B,), one field per parameter, by `family.task`."""
     import numpy as np
 
     dtype = np.dtype([(column.name, column.dtype) for column in family.parameters()])
@@ -205,6 +201,10 @@ def task_count(family: Family, role: Role, asked: int | None) -> int:
     count = asked or (usual if there is None else there)
     if there is not None and count > there:
         raise UsageError(f"--tasks is {count}, and {family.label} has {there} {role}s; ask for fewer")
+    if not count:
+        raise UsageError(
+            f"the file of {family.label} has no {role}s; add rows to it, or mark some as {role} in the column split"
+        )
     return count
 
 

@@ -49,7 +49,7 @@ class Gridworld(SlipperyGrid):
     p_low: float = option(0.6, "Lowest probability that a move goes where it was meant to.", low=0.25, high=1)
     p_high: float = option(0.9, "Highest such probability; each task draws its own.", low=0.25, high=1)
     slip_per: Literal["task", "cell"] = option(
-        "task", "What draws such a probability: each task one, or one for each cell."
+        "task", "task: each task draws one such probability; cell: one for each of its cells."
     )
     reward: Reward = option("goal", REWARD)
 

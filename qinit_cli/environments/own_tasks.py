@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import TableFamily
 from qinit_cli.environments.family import Role
+from qinit_cli.environments.taken_names import OF_STATES
 from qinit_cli.environments.task_ranges import FOLD, FORMS, picked, written
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import NativeReward, PaidRange, Payment, in_label
+from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,12 +33,6 @@ if TYPE_CHECKING:
 NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
 TASK = "file_task"  # the column that tells which task of the file each is
-# names of an artefact's other columns and dimensions, which no state axis may have
-TAKEN = re.compile(
-    "action|added|bin|byte|curve_reached|curve_steps|eopl|episode|eval_reached|eval_return|eval_steps|evaluation|file_task|frozen|"
-    "hypothesis|log_std|moment|moves|potential|q|reached|return|seconds|solved|start|steps|task|task_digest|td_var|v_eps|v_star|"
-    "visits|weight"
-)
 SHA256 = re.compile("[0-9a-f]{64}")
 LONGEST_NAMED = 60  # characters of a file or of what is used of it, in an artefact's name
 MOST_STATES = 1 << 24  # of a table of transitions
@@ -97,14 +93,17 @@ class OwnTasks(TableFamily):
         if not self.file:
             raise ValueError("a file of tasks is missing, such as mdps.npz")
         object.__setattr__(self, "file", PurePath(os.path.normpath(self.file)).as_posix())
-        if self.axes_ is not None and math.prod(_axes(self.axes_).values()) > MOST_STATES:
+        if self.axes_ is not None and math.prod(axis_lengths(self.axes_).values()) > MOST_STATES:
             raise ValueError(
                 f"--axes {self.axes_} are more states than the {MOST_STATES} that a table may have"
             )
         if self.actions_ is not None:
-            names = self.actions_.split(",")
-            if len(set(names)) < len(names) or not all(map(str.strip, names)):
-                raise ValueError(f"--actions is {self.actions_!r}; each action has a name of its own")
+            names = [name.strip() for name in self.actions_.split(",")]
+            if len(set(names)) < len(names) or not all(name and name.isascii() for name in names):
+                raise ValueError(
+                    f"--actions is {self.actions_!r}; write distinct names in ASCII, such as up,down"
+                )
+            object.__setattr__(self, "actions_", ",".join(names))
         if self.sha256:
             self._check_opened()
 
@@ -136,7 +135,7 @@ class OwnTasks(TableFamily):
         there = tasks_in(Path(self.file), digest)
         count, paid = len(there.tasks), there.paid
         axes, actions = self.axes_ or there.axes, self.actions_ or ",".join(there.actions)
-        given, states = (math.prod(_axes(one).values()) for one in (axes, there.axes))
+        given, states = (math.prod(axis_lengths(one).values()) for one in (axes, there.axes))
         if given != states:
             raise UsageError(f"--axes {axes} are {given} states, and the tasks of {self.file} have {states}")
         if len(actions.split(",")) != len(there.actions):
@@ -178,9 +177,10 @@ class OwnTasks(TableFamily):
 
     def _check_apart(self, held: Sequence[int], there: OwnTaskSet) -> None:
         """UsageError where one of the targets is a source too."""
-        sources = {there.tasks[task].digest: task for task in self._use}
+        rewards = self.reward == "native"
+        sources = {there.tasks[task].digest(rewards=rewards): task for task in self._use}
         for task in held:
-            if (source := sources.get(there.tasks[task].digest)) is not None:
+            if (source := sources.get(there.tasks[task].digest(rewards=rewards))) is not None:
                 same = (
                     f"task {task}" if task == source else f"task {task} and task {source}, which are equal,"
                 )
@@ -210,7 +210,7 @@ class OwnTasks(TableFamily):
         from qinit_store.schema import Axis
 
         self._check_known()
-        sizes = _axes(self.axes_ or "")
+        sizes = axis_lengths(self.axes_ or "")
         return tuple(Axis(name, np.arange(size, dtype=np.int32), "1", name) for name, size in sizes.items())
 
     def parameters(self) -> tuple[Column, ...]:
@@ -234,7 +234,7 @@ class OwnTasks(TableFamily):
         several = self._use if role == "source" else self._held
         if index >= len(several):
             raise NotAllowed(
-                f"{self.label} has {len(several)} {role}s, and task {index} of them was asked for"
+                f"{self.label} has {counted(len(several), role)}, and task {index + 1} was asked for; ask for fewer --tasks"
             )
         return (several[index],)
 
@@ -286,7 +286,14 @@ class OwnTasks(TableFamily):
         return super().solved(tasks, q, horizon) | self._without_goal(tasks)
 
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
-        """Whether a way leads from its start to the goal within the horizon, (B,); True where a task has none."""
+        """Whether a way leads from its start to the goal within the horizon, (B,); True where a task has none.
+
+        What was solved can be: then the file is not read.
+        """
+        import numpy as np
+
+        if solved.all():
+            return np.ones(len(tasks), np.bool_)
         return super().solvable(tasks, solved, horizon) | self._without_goal(tasks)
 
     def shifted(self, changes: dict[str, Any]) -> Self:
@@ -335,7 +342,7 @@ class OwnTasks(TableFamily):
             raise NotAllowed(f"what {self.file} holds is not known before it is opened; call opened()")
 
 
-def _axes(text: str) -> dict[str, int]:
+def axis_lengths(text: str) -> dict[str, int]:
     """The lengths of the state axes by name; ValueError where a text is no NAME=N,..."""
     found = [AXIS.fullmatch(part.strip()) for part in text.split(",")]
     sizes = {one[1]: int(one[2]) for one in found if one}
@@ -343,9 +350,9 @@ def _axes(text: str) -> dict[str, int]:
         raise ValueError(
             f"--axes is {text!r}; write NAME=N,NAME=N, names distinct and of lower-case letters, N from 1"
         )
-    if taken := [name for name in sizes if TAKEN.fullmatch(name)]:
+    if taken := [name for name in sizes if name in OF_STATES]:
         raise ValueError(
-            f"--axes names an axis {taken[0]}, as artefacts call something else; give it another name"
+            f"--axes has the name {taken[0]}, which artefacts use for something else; give that axis another name"
         )
     return sizes
 

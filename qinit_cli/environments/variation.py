@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.environments.file_rows import literal
+from qinit_cli.environments.taken_names import OF_TASKS
 from qinit_cli.environments.varied_values import KINDS, FileRows, VariedValues
 
 if TYPE_CHECKING:
@@ -15,45 +16,6 @@ if TYPE_CHECKING:
     from qinit_cli.environments.family import Role
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-# what sources, runs and their exported tables have under these names already, beside axes of states
-TAKEN = frozenset(
-    [
-        "action",
-        "added",
-        "artefact",
-        "bin",
-        "byte",
-        "curve_reached",
-        "curve_steps",
-        "eopl",
-        "episode",
-        "eval_reached",
-        "eval_return",
-        "eval_steps",
-        "evaluation",
-        "frozen",
-        "hypothesis",
-        "log_std",
-        "method",
-        "moment",
-        "moves",
-        "potential",
-        "q",
-        "reached",
-        "return",
-        "seconds",
-        "solved",
-        "start",
-        "steps",
-        "task",
-        "task_digest",
-        "td_var",
-        "v_eps",
-        "v_star",
-        "visits",
-        "weight",
-    ]
-)
 AXIS = re.compile(r"state|row|col|x\d+")
 LONGEST = 64  # letters of a column's name
 
@@ -90,7 +52,7 @@ class Variation:
     def column(self) -> str:
         """What the drawn value is called in an artefact, where each name stands for one thing."""
         name = self.name.lower()
-        return f"{name}_drawn" if name in TAKEN or AXIS.fullmatch(name) else name
+        return f"{name}_drawn" if name in OF_TASKS or AXIS.fullmatch(name) else name
 
     @property
     def label(self) -> str:

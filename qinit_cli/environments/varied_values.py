@@ -356,8 +356,8 @@ class FileRows(VariedValues):
         rows = [row for row, whose in enumerate(self._rows.whose) if whose == role]
         if index >= len(rows):
             raise NotAllowed(
-                f"{self.path} has {counted(len(rows), 'row')} for {role}s, which is no row for task {index}, counted from 0; ask "
-                f"for {len(rows)} --tasks at most"
+                f"{self.path} has {counted(len(rows), 'row')} for {role}s, and task {index + 1} was asked for; add rows, "
+                "or ask for fewer --tasks"
             )
         row = rows[index]
         return row if self._content == "row" else self._column[row]

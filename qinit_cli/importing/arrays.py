@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -11,13 +13,15 @@ from typing import IO, Any
 import numpy as np
 
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_store.wording import counted
+from qinit_store.wording import counted, shell_line
 
 PICKLES = (".pkl", ".pickle", ".joblib", ".msh")
 HDF5 = (".h5", ".hdf5", ".hdf")
 ARRAYS = (".npy", ".npz", *HDF5)
 HELD_BYTES = 8 * 2**20  # of an array that are read at a time
 
+# of an archive: no zip, damaged, encrypted or of an unknown compression
+UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
 Blocks = Callable[[int], Iterator[Any]]
 
 
@@ -40,7 +44,7 @@ def stored_arrays(path: Path, inner: str, wanted: Mapping[str, str]) -> dict[str
         case ".npy":
             there = {wanted["q"]: _npy(path)}
         case ".npz":
-            there = _npz(path)
+            there = _npz(path, wanted.values())
         case _:
             there = _hdf5(path, inner, wanted["q"])
     found = {role: there[name] for role, name in wanted.items() if name in there}
@@ -59,50 +63,59 @@ def refuse_pickle(path: Path) -> None:
         raise NotAllowed(f"{path} is a pickle, and opening one can run any code; {conversion(path)}")
 
 
-def conversion(path: Path) -> str:
-    """The line that converts a pickle where it is trusted."""
+def conversion(path: Path, name: str = "") -> str:
+    """The line that converts a pickle, or the array of that name, where it is trusted."""
     plain = str(path.with_name(f"{path.stem}-plain.npy"))
-    read = f"numpy.load({str(path)!r}, allow_pickle=True)"
+    read = f"numpy.load({str(path)!r}, allow_pickle=True)" + (f"[{name!r}]" if name else "")
     if path.suffix.lower() in PICKLES:
         read = f"pickle.load(open({str(path)!r}, 'rb'))"
     line = f"import numpy, pickle; numpy.save({plain!r}, numpy.asarray({read}, dtype=float))"
-    return f'where you trust it, convert it: python -c "{line}"'
+    return f"where you trust it, convert it: {shell_line('python', '-c', line)}"
 
 
 def _npy(path: Path) -> StoredArray:
-    array = _streamed(str(path), lambda: path.open("rb"))
-    if array is None:
-        raise NotAllowed(f"{path} holds Python objects, which are a pickle; {conversion(path)}")
-    return array
+    found = _streamed(path, "", lambda: path.open("rb"))
+    if found is None:
+        raise _pickled(path, "")
+    return found
 
 
-def _npz(path: Path) -> dict[str, StoredArray]:
+def _npz(path: Path, wanted: Collection[str]) -> dict[str, StoredArray]:
+    """The arrays of an archive but for those of objects; NotAllowed where one of these is `wanted`, or stands alone."""
+
     def opener(name: str) -> Callable[[], IO[bytes]]:
         return lambda: zipfile.ZipFile(path).open(name)
 
     try:
         with zipfile.ZipFile(path) as archive:
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-    except zipfile.BadZipFile as error:
+            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+    except UNREADABLE as error:
         raise NotAllowed(f"{path} is no npz file: {error}") from error
     found = {}
     for name in names:
-        inner = name.removesuffix(".npy")
-        array = _streamed(f"{path}:{inner}", opener(name))
+        array = _streamed(path, name, opener(f"{name}.npy"))
         if array is not None:
-            found[inner] = array
+            found[name] = array
+        elif len(names) == 1 or name in wanted:
+            raise _pickled(path, name)
     return found
 
 
-def _streamed(place: str, opened: Callable[[], IO[bytes]]) -> StoredArray | None:
+def _pickled(path: Path, name: str) -> NotAllowed:
+    place = f"{path}:{name}" if name else str(path)
+    return NotAllowed(f"{place} holds Python objects, which are a pickle; {conversion(path, name)}")
+
+
+def _streamed(path: Path, name: str, opened: Callable[[], IO[bytes]]) -> StoredArray | None:
     """An array in numpy's own format, read as a stream; None for one of objects, which is a pickle."""
-    with opened() as file:
+    place = f"{path}:{name}" if name else str(path)
+    with _readable(place), opened() as file:
         shape, fortran, dtype = _header(file, place)
     if dtype.hasobject:
         return None
 
     def blocks(rows: int) -> Iterator[Any]:
-        with opened() as file:
+        with _readable(place), opened() as file:
             _header(file, place)
             if fortran and len(shape) > 1:  # entries of one task lie apart: the whole is needed
                 whole = np.frombuffer(file.read(), dtype).reshape(shape, order="F")
@@ -117,6 +130,15 @@ def _streamed(place: str, opened: Callable[[], IO[bytes]]) -> StoredArray | None
                 yield np.frombuffer(data, dtype).reshape(count, *shape[1:])
 
     return StoredArray(place, shape, dtype, blocks)
+
+
+@contextmanager
+def _readable(place: str) -> Iterator[None]:
+    """NotAllowed where an archive is damaged, or packed in a way that is not read."""
+    try:
+        yield
+    except UNREADABLE as error:
+        raise NotAllowed(f"{place} cannot be read: {error}; write the file again") from error
 
 
 def _header(file: IO[bytes], place: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -19,7 +19,7 @@ class ImportedFiles:
 
     gamma: float | None = option(
         None,
-        "Discount that was learned with.",
+        "The discount that the tables were learned with, or that returns were counted with.",
         above=0,
         high=1,
         default_text="must be given; 1 for --runs with returns",
@@ -28,7 +28,7 @@ class ImportedFiles:
         None,
         "State axes in order, NAME=LENGTH each; a file without a task axis is then one task.",
         metavar="NAME=N[,NAME=N...]",
-        default_text="state; row and col; or x0, x1, ... of arrays; the columns of rows",
+        default_text="arrays: state, row and col, or x0, x1, ...; rows: their columns",
     )
     actions: str | None = option(
         None, "Names of the actions in order.", metavar="NAME[,NAME...]", default_text="their numbers"
@@ -62,7 +62,7 @@ class ImportedFiles:
     )
     horizon: int | None = option(
         None,
-        "Steps after which an episode was cut off.",
+        "Steps after which an episode was cut off; give it where curves of one --name come from several files.",
         low=1,
         default_text="the longest episode",
         panel="Curves",

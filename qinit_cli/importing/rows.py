@@ -161,7 +161,9 @@ def numbers(path: Path, chunk: Columns, name: str) -> Any:
             else column.astype(np.float64)
         )
     except (TypeError, ValueError) as error:
-        raise NotAllowed(f"column {name} of {path} has a value that is no number: {error}") from error
+        raise NotAllowed(
+            f"column {name} of {path} has a value that is no number ({error}); write numbers, or leave the cell empty"
+        ) from error
 
 
 def chunks(path: Path, rows: int) -> Iterator[Columns]:

@@ -27,6 +27,7 @@ from qinit_cli.learning import Learning
 from qinit_cli.pipeline.job import Made, Tally, made
 from qinit_cli.pipeline.keeping import Keeping, target_path, working
 from qinit_cli.pipeline.origin import provenance
+from qinit_cli.rewards import ReturnBounds
 from qinit_store.wording import counted
 
 EPISODE, METHOD = "episode", "method"
@@ -69,11 +70,17 @@ def curves_of(path: Path, asked: ImportedFiles) -> list[Curves]:
             raise UsageError(
                 f"{path} has neither a column return nor steps and reached; it has {', '.join(rows)}"
             )
+        if asked.returns is not None:
+            raise UsageError(
+                f"--returns is of a column return, and {path} has steps and goals, which earn 0 to 1; leave it out"
+            )
         if asked.gamma is None:
             raise UsageError(
                 f"{path} has steps and goals but no returns; give --gamma, which makes returns of them"
             )
     methods = rows.get(METHOD, np.full(len(rows[TASK]), UNNAMED)).astype(str)
+    if "reached" in there:
+        rows["reached"] = _truths(rows["reached"])
     values = {name: numbers(path, rows, name) for name in there}
     places = {name: numbers(path, rows, name) for name in (TASK, EPISODE)}
     found = []
@@ -81,12 +88,34 @@ def curves_of(path: Path, asked: ImportedFiles) -> list[Curves]:
         own = methods == method
         table = {name: column[own] for name, column in values.items()}
         found.append(Curves(method, _laid_out(path, method, {n: c[own] for n, c in places.items()}, table)))
+    _check_returns(path, found, asked)
     shapes = {next(iter(one.columns.values())).shape[1] for one in found}
     if len(shapes) > 1:
         raise NotAllowed(
             f"methods of {path} have {' and '.join(map(str, sorted(shapes)))} episodes; each needs as many"
         )
     return found
+
+
+def _check_returns(path: Path, found: list[Curves], asked: ImportedFiles) -> None:
+    """NotAllowed where a return is outside the bounds that were given."""
+    if asked.returns is None:
+        return
+    bounds = ReturnBounds.read(asked.returns)
+    for one in found:
+        earned = one.columns["return"]
+        beyond = earned[(earned < bounds.low) | (earned > bounds.high)]
+        if beyond.size:
+            raise NotAllowed(
+                f"{one.method} of {path} has the return {beyond[0]:g}, and returns are from {bounds.low:g} to {bounds.high:g}; "
+                "give wider --returns"
+            )
+
+
+def _truths(column: Any) -> Any:
+    """True and False, as pandas writes them, as 1 and 0; what is neither as it is."""
+    truths = {"True": "1", "true": "1", "False": "0", "false": "0"}
+    return np.array([truths.get(str(value), str(value)) for value in column.tolist()])
 
 
 def _whole(path: Path) -> Columns:

@@ -16,6 +16,8 @@ from qinit_cli.artefacts.settings import ALGORITHM, WITHOUT_STEPS, SourcesSettin
 from qinit_cli.artefacts.sources import OF_IMPORTED, imported_schema
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.environments.imported import ImportedTables, axis_text
+from qinit_cli.environments.own_tasks import axis_lengths
+from qinit_cli.environments.taken_names import OF_STATES
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.importing.arrays import (
     ARRAYS,
@@ -28,7 +30,7 @@ from qinit_cli.importing.arrays import (
 )
 from qinit_cli.importing.asked import ImportedFiles
 from qinit_cli.importing.files import file_digest
-from qinit_cli.importing.rows import ACTION, ROWS, RowFile
+from qinit_cli.importing.rows import ROWS, RowFile
 from qinit_cli.learning import IMPORTED, Learning
 from qinit_cli.pipeline.job import Made, Tally, made
 from qinit_cli.pipeline.keeping import Keeping, target_path, working
@@ -202,30 +204,11 @@ def _family(asked: ImportedFiles, states: Sequence[str], moves: Sequence[str]) -
         family = ImportedTables(asked.title, list(states), list(moves), asked.returns)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    taken = _taken()
-    for axis in family.axes():
-        if axis.name in taken:
-            raise UsageError(
-                f"the state axis {axis.name} has the name of an array that artefacts have; name it otherwise"
-            )
+    if taken := [axis.name for axis in family.axes() if axis.name in OF_STATES]:
+        raise UsageError(
+            f"the state axis {taken[0]} has the name of an array that artefacts have; name it otherwise"
+        )
     return family
-
-
-def _taken() -> set[str]:
-    """The names of axes and arrays in sources and fits."""
-    from qinit_cli.artefacts.fit import fit_schema
-    from qinit_cli.artefacts.fit_columns import FitStatistics, fit_statistics
-    from qinit_cli.artefacts.sources import sources_schema
-    from qinit_store.schema import TASK, Axis
-
-    state, action = Axis("a_state", np.arange(1)), Axis(ACTION, np.arange(1))
-    everything = FitStatistics("a test", "a test", ("a distribution",), ("a start",), 1, theory=True)
-    schemas = (
-        sources_schema((state,), action, (), 1),
-        fit_schema((state,), action, 1, *fit_statistics(everything, (state.name, action.name))),
-    )
-    names = [{*schema.sizes, *(column.name for column in schema.columns)} for schema in schemas]
-    return {TASK}.union(*names) - {state.name}
 
 
 def _is_rows(given: Given) -> bool:
@@ -331,14 +314,11 @@ def _moves(asked: ImportedFiles, count: int) -> list[str]:
 
 
 def _axes_asked(text: str) -> tuple[list[str], tuple[int, ...]]:
-    names, sizes = [], []
-    for part in text.split(","):
-        name, equals, size = part.strip().partition("=")
-        if not (equals and size.isdigit() and int(size) > 0):
-            raise UsageError(f"--axes {text}: write NAME=LENGTH for each, such as row=30,col=30")
-        names.append(name)
-        sizes.append(int(size))
-    return names, tuple(sizes)
+    try:
+        lengths = axis_lengths(text)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return list(lengths), tuple(lengths.values())
 
 
 def _of_rows(paths: Sequence[Path], asked: ImportedFiles) -> tuple[list[str], list[str], list[Tables]]:

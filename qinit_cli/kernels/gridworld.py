@@ -45,7 +45,7 @@ class PatchyWorld(NamedTuple):
     records: Any
     starts: Any  # u4 (W,)
     open: Any  # u4 (B, F - K) the cells where episodes go on
-    lane_task: Any  # i8 (L,) whose records a lane holds, -1: nobody's
+    lane_task: Any  # i8 (L,) whose records a lane holds, -1: none
     lane_records: Any  # u4 (L, S * RECORD): at an address that a step need not look up
 
 

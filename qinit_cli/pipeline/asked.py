@@ -123,11 +123,13 @@ class LearningTargets:
     )
     targets: str | None = option(
         None,
-        "Which tasks of the sources' file are targets, as --use names sources; for tasks alone.",
+        "Tasks of the file that are targets, written as for --use; only for sources of the family tasks.",
         metavar="A:B",
         default_text="those that are no sources",
     )
-    allow_overlap: bool = option(False, "Allow a task of the file to be source and target.", seldom=True)
+    allow_overlap: bool = option(
+        False, "Allow a task of the file to be source and target; only for the family tasks.", seldom=True
+    )
     evaluate_every: int = option(
         0,
         "Evaluate greedily, without learning, before the first episode and after every N-th; 0: never.",

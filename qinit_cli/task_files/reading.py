@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from os import SEEK_CUR
@@ -163,6 +164,6 @@ def _read(path: Path, reader: Callable[[], Read]) -> Read:
     """What a reader reads; NotAllowed where the file is not what its name says."""
     try:
         return reader()
-    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         kind = "archive of numpy's arrays" if path.suffix == ARCHIVE else "map in plain text"
         raise NotAllowed(f"{path} is no {kind} that can be read: {error}") from error

@@ -51,10 +51,9 @@ class OwnTask:
         """Whether an outcome reaches the goal."""
         return bool(self._possible(self.after == GOAL).any())
 
-    @property
-    def digest(self) -> str:
-        """What equal tasks share."""
-        parts = (self.after, self.probability, self.reward, self.start, self.open)
+    def digest(self, *, rewards: bool) -> str:
+        """What equal tasks share, their `rewards` where these count."""
+        parts = (self.after, self.probability, self.reward if rewards else None, self.start, self.open)
         held = sha256()
         for part in parts:
             held.update(b"" if part is None else np.ascontiguousarray(part).tobytes())

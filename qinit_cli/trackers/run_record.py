@@ -22,6 +22,9 @@ EPISODES = ("return", "success", "steps")
 GREEDY = {"greedy_return": "eval_return", "greedy_success": "eval_reached", "greedy_steps": "eval_steps"}
 
 
+SUMMARY = {"success": "average_success"}  # under its own name it would be one more point of the curve
+
+
 @dataclass(frozen=True)
 class RunRecord:
     """One run."""
@@ -52,7 +55,11 @@ class RunRecord:
             {name: curves[name] for name in EPISODES if name in curves},
             {name: curves[column] for name, column in GREEDY.items() if column in curves},
             settings.evaluate_every,
-            {name: float(number) for name, number in shown.numbers.items() if math.isfinite(float(number))},
+            {
+                SUMMARY.get(name, name): float(number)
+                for name, number in shown.numbers.items()
+                if math.isfinite(float(number))
+            },
         )
 
     def steps(self) -> Iterator[tuple[int, dict[str, float]]]:

@@ -19,7 +19,7 @@ def log(record: RunRecord, project: str, where: str | None) -> Logged:
     content = _events(record)
     unique = f"{record.name}-{record.content_sha256[:8]}"
     path = Path(where or FOLDER) / project / unique / f"events.out.tfevents.{record.time:.0f}.qinit"
-    file = OutputFile(path, False, MAKER, MAKER.encode())
+    file = OutputFile(path, False, MAKER, MAKER.encode(), "give -o another folder")
     if file.settle(content):
         return Logged(str(path), False)
     path.parent.mkdir(parents=True, exist_ok=True)

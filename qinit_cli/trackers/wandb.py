@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 from qinit_cli.trackers.run_record import Logged, RunRecord, package
 from qinit_store.errors import SystemFailed
 
-ID_DIGITS = 16  # of the content hash: the same run has the same id wherever it is sent from
+ID_DIGITS = 16  # of a hash: the same run of a project has the same id wherever it is sent from
 
 
 def log(record: RunRecord, project: str, where: str | None) -> Logged:
     """An offline run in WHERE/wandb, by default of the current folder. Nothing is sent, and nothing of this machine recorded."""
     wandb, errors = package("wandb", "errors")
-    kept, id = Path(where or ".") / "wandb", record.content_sha256[:ID_DIGITS]
+    kept = Path(where or ".") / "wandb"
+    id = hashlib.sha256(f"{project}/{record.content_sha256}".encode()).hexdigest()[:ID_DIGITS]
     if there := sorted(kept.glob(f"offline-run-*-{id}")):
         return Logged(str(there[-1]), False)
     kept.mkdir(parents=True, exist_ok=True)

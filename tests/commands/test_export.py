@@ -324,7 +324,7 @@ def test_a_file_that_is_there_is_replaced_only_by_force(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "which format"),
+        ([], "the format is missing"),
         (["--to", "npz"], "give a file"),
         (["--to", "parquet", "-o", "-"], "give a file"),
         (["--to", "nc"], "-o FILE.nc"),

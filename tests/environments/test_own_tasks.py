@@ -15,15 +15,11 @@ from quantecon.markov import DiscreteDP
 from running import Ended
 
 import qinit_cli as qinit
-from qinit_cli.artefacts.opening import action_axis
-from qinit_cli.artefacts.run import run_schema
-from qinit_cli.artefacts.sources import sources_schema
 from qinit_cli.environments.family import draw_tasks, task_count
 from qinit_cli.environments.gridworld import Gridworld
-from qinit_cli.environments.own_tasks import TAKEN, OwnTasks
+from qinit_cli.environments.own_tasks import OwnTasks
 from qinit_cli.environments.task_ranges import picked, written
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.rewards import UNIT
 from qinit_cli.seeding import Stream
 
 MAPS = Path(__file__).parent / "maps"
@@ -255,7 +251,7 @@ STORED: dict[str, Any] = {
         ({"use": "0:4"}, "there are 3 tasks"),
         ({"targets": "2:9"}, "there are 3 tasks"),
         ({"axes_": "state=99999999"}, "more states than"),
-        ({"actions_": "a,a"}, "each action has a name of its own"),
+        ({"actions_": "a,a"}, "write distinct names in ASCII"),
         ({"paid": [1.0, 0.0, 0.0, 1.0]}, "the least reward stands before the largest"),
         ({"paid": [0.0, float("nan"), 0.0, 1.0]}, "these are four numbers"),
         ({"reward": None}, "are set once a file was opened"),
@@ -378,25 +374,27 @@ def test_a_folder_of_archives_is_the_archive_of_their_tasks(
 
 
 def test_no_axis_has_a_name_of_a_column_or_dimension() -> None:
-    grid = Gridworld()
-    sources = sources_schema(grid.axes(), action_axis(grid), (), 10, UNIT)
-    run = run_schema(
-        grid.axes(),
-        action_axis(grid),
-        opened(str(MAPS)).parameters(),
-        10,
-        start_per_task=True,
-        potential_per_task=True,
-        exact_values=True,
-        evaluations=3,
-        keep_q=True,
-        updating=True,
-        hypotheses=3,
-        moments=np.arange(3),
-        told_returns=True,
-    )
-    columns = [*sources.columns, *run.columns]
-    names = {one.name for one in columns} | {dim for one in columns for dim in one.dims}
-    assert {name for name in names if not TAKEN.fullmatch(name)} == {"row", "col"}
-    with pytest.raises(ValueError, match="--axes names an axis q"):
-        OwnTasks(file="mdps.npz", axes_="q=5")
+    for name in ("q", "mean", "file_task"):
+        with pytest.raises(ValueError, match=f"--axes has the name {name}, which artefacts use"):
+            OwnTasks(file="mdps.npz", axes_=f"{name}=5")
+
+
+def test_solved_sources_are_fitted_without_the_file(here: Callable[..., Ended]) -> None:
+    np.savez("mdps.npz", P=P, R=R)
+    sources = here("train-sources", "tasks", "mdps.npz", "--use", "0:4", "--learner", "exact").path
+    Path("mdps.npz").unlink()
+    fit = here("fit", sources)
+    assert fit.code == 0, fit.err
+    refused = here("transfer", "zero", fit.path)
+    assert refused.code in (2, 4)
+    assert "mdps.npz" in refused.err
+
+
+def test_tasks_that_differ_in_rewards_alone_are_equal_where_these_do_not_count(
+    archive: Callable[..., str],
+) -> None:
+    goal = np.eye(STATES)[[4] * TASKS]
+    path = archive(P=np.broadcast_to(P[:1], P.shape), R=R, goal=goal)
+    assert opened(path, use="0:3").holding_out("3:5", allow_overlap=False).targets == "3:5"
+    with pytest.raises(UsageError, match="which are equal"):
+        opened(path, use="0:3", reward="goal").holding_out("3:5", allow_overlap=False)

@@ -114,7 +114,7 @@ def test_a_file_gives_each_task_a_row_and_sources_others_than_targets(
     assert rows(turns, Stream.SOURCE_TASK, 3) == [(0.0, 0), (0.2, 2), (0.4, 4)]
     assert rows(turns, Stream.TARGET_TASK, 2) == [(0.1, 1), (pytest.approx(0.3), 3)]
     assert [Variation.read(turns.vary[1]).value(row) for row in (2, 4)] == ["4x4", None]  # type: ignore[index]  # given
-    with pytest.raises(NotAllowed, match=r"turns\.jsonl has 2 rows for targets, which is no row for task 2"):
+    with pytest.raises(NotAllowed, match=r"turns\.jsonl has 2 rows for targets, and task 3 was asked for"):
         rows(turns, Stream.TARGET_TASK, 3)
     stored = told.opened().vary
     digest = hashlib.sha256(TABLE.encode()).hexdigest()

@@ -81,6 +81,27 @@ def test_returns_alone_leave_steps_and_goals_unknown(
     assert exported["success"].isna().all()
 
 
+def test_truths_of_pandas_are_goals_and_files_of_one_name_are_pairs(
+    here: Callable[..., Ended], curves: pd.DataFrame
+) -> None:
+    paths = []
+    for method, own in curves.groupby("method"):
+        own.assign(reached=own["reached"].astype(bool)).to_csv(f"{method}.csv", index=False)
+        ended = here("import", "--runs", f"{method}.csv", "--gamma", GAMMA, "--horizon", 20)
+        assert ended.code == 0, ended.err
+        paths += ended.out.splitlines()
+    rows = {row["method"]: row for row in here("compare", *paths, "--json").json["rows"]}
+    assert rows["my own agent"]["difference"] is not None
+    assert rows["zero"]["success"] == pytest.approx(curves.query("method == 'zero'")["reached"].mean())
+
+
+def test_a_return_outside_its_bounds_is_refused(here: Callable[..., Ended], curves: pd.DataFrame) -> None:
+    curves.assign(**{"return": -1.0 * curves["steps"]}).drop(columns=["steps", "reached"]).to_csv("r.csv")
+    ended = here("import", "--runs", "r.csv", "--returns=-2:0")
+    assert ended.code == 4
+    assert "and returns are from -2 to 0; give wider --returns" in ended.err
+
+
 def test_imported_runs_are_drawn_reported_and_verified(
     here: Callable[..., Ended], curves: pd.DataFrame
 ) -> None:
@@ -142,7 +163,12 @@ def test_rows_that_are_no_curves_are_refused(
             ("--gamma", GAMMA, "--horizon", 3),
             "--horizon is no option of tables; leave it out, or give --runs",
         ),
-        (("--runs", "--gamma", GAMMA, "--dry-run"), "--dry-run is of tables"),
+        (("--runs", "--gamma", GAMMA, "--dry-run"), "--dry-run estimates imports of tables only"),
+        (("--runs", "--gamma", GAMMA, "--returns=-1:0"), "--returns is of a column return"),
+        (
+            ("curves.csv", "--runs", "--gamma", GAMMA, "-o", "r.h5"),
+            "-o names one file, and 2 files make a run each",
+        ),
     ],
 )
 def test_what_an_import_of_curves_cannot_be_asked(

@@ -219,12 +219,31 @@ def test_nothing_is_unpickled(here: Callable[..., Ended], tmp_path: Path) -> Non
     np.save("agent.npy", np.array([Trap()], object), allow_pickle=True)
     with zipfile.ZipFile("agent.npz", "w") as archive:
         archive.write("agent.npy", "q.npy")
-    for name in ("agent.pkl", "agent.npy"):
+    for name in ("agent.pkl", "agent.npy", "agent.npz"):
         ended = here("import", name, "--gamma", 0.9)
         assert ended.code == 4
-        assert 'convert it: python -c "import numpy, pickle; numpy.save(' in ended.err
-    assert here("import", "agent.npz", "--gamma", 0.9).code == 2
+        assert "convert it: python -c 'import numpy, pickle; numpy.save(" in ended.err
     assert not (tmp_path / "sprung").exists()
+
+
+def test_the_line_that_converts_a_pickle_runs_nothing_but_python(here: Callable[..., Ended]) -> None:
+    import shlex
+
+    told = here("import", "a$(touch x).pkl", "--gamma", 0.9).err
+    words = shlex.split(told.partition("convert it: ")[2])
+    assert words[:2] == ["python", "-c"]
+    assert "'a$(touch x).pkl'" in words[2]
+    assert len(words) == 3
+
+
+def test_a_damaged_archive_is_refused(here: Callable[..., Ended], q: Any) -> None:
+    np.savez_compressed("q.npz", q=q)
+    content = bytearray(Path("q.npz").read_bytes())
+    content[len(content) // 2] ^= 255
+    Path("q.npz").write_bytes(content)
+    ended = here("import", "q.npz", "--gamma", 0.9)
+    assert ended.code == 4
+    assert "q.npz:q cannot be read" in ended.err
 
 
 REFUSED = {
@@ -263,9 +282,9 @@ REFUSED = {
     "taken": (
         {"q": np.ones((2, 3, 2))},
         {"axes": "mean=3"},
-        "mean has the name of an array that artefacts have",
+        "--axes has the name mean, which artefacts use",
     ),
-    "letters": ({"q": np.ones((2, 3, 2))}, {"axes": "State=3"}, "the state axis 'State' is no name"),
+    "letters": ({"q": np.ones((2, 3, 2))}, {"axes": "State=3"}, "names distinct and of lower-case letters"),
     "signs": ({"q": np.ones((2, 3, 2))}, {"actions": "é,b"}, "the action 'é' is no ASCII text"),
     "bounds": ({"q": np.ones((2, 3, 2))}, {"returns": "1:2"}, "with 0 within them"),
 }
