@@ -15,6 +15,7 @@ from qinit_cli.errors import UsageError
 LARGEST = 2**53  # whole numbers beyond it are not all told apart by a float
 SPLIT = "split"  # a column of this name tells whose a row is
 JSON_LINES = (".jsonl", ".ndjson")
+CONTEXTS = ".json"
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,9 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
     content = Path(path).read_bytes()
     try:
         text = content.decode("utf-8-sig")
-        if PurePath(path).suffix in JSON_LINES:
+        if PurePath(path).suffix == CONTEXTS:
+            rows = _contexts(json.loads(text))
+        elif PurePath(path).suffix in JSON_LINES:
             rows = [json.loads(line) for line in text.splitlines() if line.strip()]
             if not all(isinstance(row, dict) for row in rows):
                 raise ValueError("a line is no object")
@@ -56,13 +59,22 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
                 raise ValueError("a row has more or fewer fields than the header")
             rows = [{key: literal(value) for key, value in row.items()} for row in table]
     except (ValueError, csv.Error) as error:
-        raise UsageError(f"{path} is no CSV with a header, and no .jsonl of objects: {error}") from error
+        raise UsageError(
+            f"{path} is no CSV with a header, no .jsonl of objects and no .json of contexts: {error}"
+        ) from error
     if not rows:
         raise UsageError(f"{path} has no rows")
     if uneven := next((place for place, row in enumerate(rows) if row.keys() != rows[0].keys()), 0):
         raise UsageError(f"row {uneven} of {path} has other columns than row 0")
     columns = {key: tuple(row[key] for row in rows) for key in rows[0]}
     return Rows(columns, _whose(path, columns, len(rows)), hashlib.sha256(content).hexdigest())
+
+
+def _contexts(told: Any) -> list[dict[str, Any]]:
+    """A row for each context of {ID: {FEATURE: VALUE}}: its features, and `contexts`, itself by its id. ValueError."""
+    if not (isinstance(told, dict) and all(isinstance(one, dict) for one in told.values())):
+        raise ValueError("it is no object of objects")
+    return [{**features, "contexts": {key: features}} for key, features in told.items()]
 
 
 def _whose(path: str, columns: dict[str, tuple[Any, ...]], count: int) -> tuple[Role, ...]:

@@ -124,6 +124,20 @@ def test_a_file_gives_each_task_a_row_and_sources_others_than_targets(
     )
 
 
+def test_contexts_as_carl_keeps_them_are_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    contexts = {"0": {"success_rate": 0.5}, "1": {"success_rate": 0.6}, "2": {"success_rate": 0.75}}
+    Path("contexts.json").write_text(json.dumps(contexts))
+    each = Gym(env_id="FrozenLake-v1", vary=["success_rate=file:contexts.json"])
+    assert rows(each, Stream.SOURCE_TASK, 2) == [(0.5,), (0.75,)]
+    assert rows(each, Stream.TARGET_TASK, 1) == [(0.6,)]
+    whole = Variation.read("contexts=file:contexts.json")
+    assert whole.value(2) == {"2": {"success_rate": 0.75}}
+    Path("contexts.json").write_text("[1]")
+    with pytest.raises(UsageError, match="it is no object of objects"):
+        Gym(env_id="FrozenLake-v1", vary=["success_rate=file:contexts.json"]).opened()
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
