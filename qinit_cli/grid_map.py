@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Flags
 
+MOVES = ("up", "down", "left", "right")  # in the order of GridMap.moves
 FREE, WALL, HOLE, GOAL = ".", "#", "H", "G"
 STARTS = "S123456789"
 LETTERS = f"{FREE}F {WALL}{HOLE}{GOAL}{STARTS}"

@@ -13,6 +13,7 @@ from qinit_cli.environments.family import Role
 from qinit_cli.errors import UsageError
 
 LARGEST = 2**53  # whole numbers beyond it are not all told apart by a float
+ROLES: tuple[Role, ...] = ("source", "target")
 SPLIT = "split"  # a column of this name tells whose a row is
 JSON_LINES = (".jsonl", ".ndjson")
 CONTEXTS = ".json"
@@ -23,7 +24,7 @@ class Rows:
     """What a file of tasks has."""
 
     columns: dict[str, tuple[Any, ...]]
-    whose: tuple[Role, ...]  # of each row
+    of: dict[Role, tuple[int, ...]]  # the rows of sources, and those of targets
     digest: str  # SHA-256 of its bytes, in hexadecimal
 
 
@@ -67,7 +68,9 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
     if uneven := next((place for place, row in enumerate(rows) if row.keys() != rows[0].keys()), 0):
         raise UsageError(f"row {uneven} of {path} has other columns than row 0")
     columns = {key: tuple(row[key] for row in rows) for key in rows[0]}
-    return Rows(columns, _whose(path, columns, len(rows)), hashlib.sha256(content).hexdigest())
+    whose = _whose(path, columns, len(rows))
+    of = {role: tuple(row for row, own in enumerate(whose) if own == role) for role in ROLES}
+    return Rows(columns, of, hashlib.sha256(content).hexdigest())
 
 
 def _contexts(told: Any) -> list[dict[str, Any]]:
@@ -81,7 +84,7 @@ def _whose(path: str, columns: dict[str, tuple[Any, ...]], count: int) -> tuple[
     if SPLIT not in columns:
         return tuple("target" if place % 2 else "source" for place in range(count))
     for place, whose in enumerate(columns[SPLIT]):
-        if whose not in ("source", "target"):
+        if whose not in ROLES:
             raise UsageError(f"row {place} of {path} has the {SPLIT} {whose!r:.40}; write source or target")
     return columns[SPLIT]
 

@@ -27,7 +27,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import NativeReward, Payment, ReturnBounds, check_discount, in_label
-from qinit_store.wording import counted
+from qinit_store.wording import as_name, counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -186,7 +186,7 @@ class Gym(TableFamily):
         parts += [f"goal-{self.goal}"] if self.goal else []
         parts += [f"returns-{self.returns}"] if self.returns else []
         told = "-".join([self.name, *parts]) + in_label(self.reward)
-        return re.sub(r"[^A-Za-z0-9._]+", "-", told).rstrip("-")
+        return as_name(told).rstrip("-")
 
     @property
     def warning(self) -> str:

@@ -13,6 +13,7 @@ from qinit_cli.errors import NotAllowed
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import Payment, ReturnBounds
+from qinit_store.wording import as_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 REMEDY = "take a start table to your own agent with qinit start METHOD FIT -o start.npz"
 AXIS = re.compile(r"[a-z][a-z0-9_]{0,63}")  # as the store names axes
-NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 EACH = ":"  # between the coordinates of an axis
 
 
@@ -60,7 +60,7 @@ class ImportedTables(NeutralFamily):
     @property
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
-        return f"{self.name}-{NO_NAME.sub('-', self.title)}".rstrip("-.")
+        return f"{self.name}-{as_name(self.title)}".rstrip("-.")
 
     @property
     def untabled(self) -> str:
@@ -86,11 +86,11 @@ class ImportedTables(NeutralFamily):
 
     def shifted(self, changes: dict[str, Any]) -> Self:
         """ValueError: there is no environment to change."""
-        raise ValueError(f"{self.untabled}; {REMEDY}")
+        raise ValueError(self._why)
 
     def refusal(self, learning: Learning) -> str:
         """Why no task can be learned."""
-        return f"{self.untabled}; {REMEDY}"
+        return self._why
 
     def parameters(self) -> tuple[Column, ...]:
         """Nothing: what the tasks were drawn as is unknown."""
@@ -118,8 +118,12 @@ class ImportedTables(NeutralFamily):
 
         return np.ones(len(tasks), np.bool_)
 
+    @property
+    def _why(self) -> str:
+        return f"{self.untabled}; {REMEDY}"
+
     def _refuse(self) -> Never:
-        raise NotAllowed(f"{self.untabled}; {REMEDY}")
+        raise NotAllowed(self._why)
 
 
 def axis_text(name: str, values: Sequence[float]) -> str:

@@ -20,7 +20,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import NativeReward, PaidRange, Payment, in_label
-from qinit_store.wording import counted
+from qinit_store.wording import as_name, counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from qinit_cli.task_files.tables import OwnTask, OwnTaskSet
     from qinit_store.schema import Axis, Column
 
-NO_NAME = re.compile(r"[^A-Za-z0-9._]+")  # what no artefact's name has
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
 TASK = "file_task"  # the column that tells which task of the file each is
 SHA256 = re.compile("[0-9a-f]{64}")
@@ -194,7 +193,7 @@ class OwnTasks(TableFamily):
         use = self.use or "all"
         if len(use) > LONGEST_NAMED:  # a file's name has 255 characters at most
             use = f"{len(self._use)}-of-{self.count}-{sha256(use.encode()).hexdigest()[:8]}"
-        named = NO_NAME.sub("-", f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
+        named = as_name(f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
         return f"{self.name}-{named.strip('-.')}{in_label(self.reward or 'goal')}"
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import DrawnFamily
 from qinit_cli.errors import NotAllowed
-from qinit_cli.grid_map import GridMap, open_map, read_map
+from qinit_cli.grid_map import MOVES, GridMap, open_map, read_map
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import Payment, exact_returns, exact_variances, in_label, payment
 
@@ -41,7 +41,7 @@ class SlipperyGrid(DrawnFamily):
     slip_per: str = "task"
     goals_per_task: int = 1
 
-    actions: ClassVar[tuple[str, ...]] = ("up", "down", "left", "right")
+    actions: ClassVar[tuple[str, ...]] = MOVES
     tabular: ClassVar[bool] = True
     source_tasks: ClassVar[int] = 100
     target_tasks: ClassVar[int] = 200

@@ -212,7 +212,7 @@ class WholeValues(VariedValues):
 
 @dataclass(frozen=True)
 class ListedValues(VariedValues):
-    """VariedValues one of which is drawn; where they are not all numbers, by their places."""
+    """Values of which one is drawn; where they are not all numbers, by their places."""
 
     written: tuple[str, ...]  # as they were typed: a list is no key of a cache
 
@@ -350,10 +350,10 @@ class FileRows(VariedValues):
         return f"by its row in {PurePath(self.path).name}" if self._content == "row" else ""
 
     def available(self, role: Role) -> int | None:
-        return self._rows.whose.count(role)
+        return len(self._rows.of[role])
 
     def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
-        rows = [row for row, whose in enumerate(self._rows.whose) if whose == role]
+        rows = self._rows.of[role]
         if index >= len(rows):
             raise NotAllowed(
                 f"{self.path} has {counted(len(rows), 'row')} for {role}s, and task {index + 1} was asked for; add rows, "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import IO, Any
 import numpy as np
 
 from qinit_cli.errors import NotAllowed, UsageError
+from qinit_cli.npy import UNREADABLE, header
 from qinit_store.wording import counted, shell_line
 
 PICKLES = (".pkl", ".pickle", ".joblib", ".msh")
@@ -20,8 +20,6 @@ HDF5 = (".h5", ".hdf5", ".hdf")
 ARRAYS = (".npy", ".npz", *HDF5)
 HELD_BYTES = 8 * 2**20  # of an array that are read at a time
 
-# of an archive: no zip, damaged, encrypted or of an unknown compression
-UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
 Blocks = Callable[[int], Iterator[Any]]
 
 
@@ -142,11 +140,8 @@ def _readable(place: str) -> Iterator[None]:
 
 
 def _header(file: IO[bytes], place: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    formats = np.lib.format
     try:
-        version = formats.read_magic(file)
-        read = formats.read_array_header_1_0 if version == (1, 0) else formats.read_array_header_2_0
-        return read(file)
+        return header(file)
     except ValueError as error:
         raise NotAllowed(f"{place} is no array in numpy's format: {error}") from error
 

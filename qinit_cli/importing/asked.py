@@ -93,6 +93,16 @@ class ImportedFiles:
         return 1.0 if self.gamma is None else self.gamma
 
     @property
+    def roles(self) -> dict[str, str]:
+        """The names of arrays or columns by what they hold."""
+        return {"q": self.key, "visits": self.visits, "td_var": self.td_var}
+
+    @property
+    def action_names(self) -> list[str] | None:
+        """The actions' names; None where they are unknown."""
+        return None if self.actions is None else [name.strip() for name in self.actions.split(",")]
+
+    @property
     def title(self) -> str:
         """What the distribution is called."""
         return self.name or ("runs" if self.runs else "tables")

@@ -67,7 +67,7 @@ class RowFile:
         found = Scan(coordinates={name: set() for name in self.axes})
         for place, chunk in self._numbered():
             for name in self.axes:
-                there = numbers(self.path, {name: list(map(str, _distinct(chunk[name])))}, name)
+                there = numbers(self.path, name, list(map(str, _distinct(chunk[name]))))
                 if np.isnan(there).any():
                     raise NotAllowed(f"column {name} of {self.path} has a row without a state")
                 found.coordinates[name].update(there.tolist())
@@ -93,7 +93,7 @@ class RowFile:
             if taken.sum() < len(cell) or not np.isnan(held["q"].reshape(-1)[cell]).all():
                 raise NotAllowed(f"{self.path} has two rows for one task, state and action")
             for role, name in self.columns.items():
-                held[role].reshape(-1)[cell] = numbers(self.path, chunk, name)
+                held[role].reshape(-1)[cell] = numbers(self.path, name, chunk[name])
             while last - 1 - first >= rows:  # the last task may go on
                 yield {role: values[:rows] for role, values in held.items()}
                 held = {role: values[rows:] for role, values in held.items()}
@@ -128,7 +128,7 @@ class RowFile:
             last, count = str(tasks[-1]), count + int(new.sum())
 
     def _places(self, chunk: Columns, name: str, coordinates: Any) -> Any:
-        values = numbers(self.path, chunk, name)
+        values = numbers(self.path, name, chunk[name])
         places = np.searchsorted(coordinates, values).clip(max=len(coordinates) - 1)
         if (other := coordinates[places] != values).any():
             raise NotAllowed(
@@ -151,9 +151,8 @@ def _distinct(column: Any) -> set[Any]:
     return set(column) if isinstance(column, list) else set(np.unique(column).tolist())
 
 
-def numbers(path: Path, chunk: Columns, name: str) -> Any:
-    """A column as numbers, (n,), NaN where a value is missing; NotAllowed where it is no number."""
-    column = chunk[name]
+def numbers(path: Path, name: str, column: Any) -> Any:
+    """The column of that name as numbers, (n,), NaN where a value is missing; NotAllowed where it is no number."""
     try:
         return (
             np.fromiter((float(text or "nan") for text in column), np.float64, len(column))

@@ -18,7 +18,7 @@ from qinit_cli.artefacts.settings import (
     StoredFamily,
     StoredMethod,
 )
-from qinit_cli.environments.imported import NO_NAME, ImportedTables
+from qinit_cli.environments.imported import ImportedTables
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.importing.asked import ImportedFiles
 from qinit_cli.importing.files import file_digest
@@ -28,7 +28,7 @@ from qinit_cli.pipeline.job import Made, Tally, made
 from qinit_cli.pipeline.keeping import Keeping, target_path, working
 from qinit_cli.pipeline.origin import provenance
 from qinit_cli.rewards import ReturnBounds
-from qinit_store.wording import counted
+from qinit_store.wording import as_name, counted
 
 EPISODE, METHOD = "episode", "method"
 UNNAMED = "agent"  # the method of a file without that column
@@ -81,8 +81,8 @@ def curves_of(path: Path, asked: ImportedFiles) -> list[Curves]:
     methods = rows.get(METHOD, np.full(len(rows[TASK]), UNNAMED)).astype(str)
     if "reached" in there:
         rows["reached"] = _truths(rows["reached"])
-    values = {name: numbers(path, rows, name) for name in there}
-    places = {name: numbers(path, rows, name) for name in (TASK, EPISODE)}
+    values = {name: numbers(path, name, rows[name]) for name in there}
+    places = {name: numbers(path, name, rows[name]) for name in (TASK, EPISODE)}
     found = []
     for method in dict.fromkeys(methods.tolist()):
         own = methods == method
@@ -182,7 +182,7 @@ def _settings(one: Curves, asked: ImportedFiles, horizon: int, digest: str) -> R
 
 def _made(one: Curves, settings: RunSettings, path: Path, digest: str, keeping: Keeping) -> Made:
     origin = provenance(keeping.command)
-    method = NO_NAME.sub("-", one.method).strip("-.")
+    method = as_name(one.method).strip("-.")
     target = target_path(keeping, f"{settings.family.label}-{method}-{settings.tasks}", settings)
     schema = imported_run_schema(settings.learning.episodes, one.columns)
     with working(target, schema, settings, keeping, origin) as artefact:

@@ -14,7 +14,6 @@ import numpy as np
 from qinit_cli.artefacts.opening import action_axis
 from qinit_cli.artefacts.settings import ALGORITHM, WITHOUT_STEPS, SourcesSettings, StoredFamily
 from qinit_cli.artefacts.sources import OF_IMPORTED, imported_schema
-from qinit_cli.environments.family import bounds_of
 from qinit_cli.environments.imported import ImportedTables, axis_text
 from qinit_cli.environments.own_tasks import axis_lengths
 from qinit_cli.environments.taken_names import OF_STATES
@@ -110,15 +109,10 @@ class Import:
     settings: SourcesSettings
 
     @property
-    def bounds(self) -> ReturnBounds:
-        """Of the returns in the tables."""
-        return bounds_of(self.family, self.settings.learning.gamma)
-
-    @property
     def schema(self) -> Schema:
         """The layout of the artefact."""
         axes, action = self.family.axes(), action_axis(self.family)
-        return imported_schema(axes, action, self.bounds, self.tables[0].roles)
+        return imported_schema(axes, action, self.settings.bounds, self.tables[0].roles)
 
     def target(self, keeping: Keeping) -> Path:
         """Where the artefact goes."""
@@ -130,7 +124,7 @@ class Import:
         first = 0
         for tables in self.tables:
             for block in tables.blocks(max(1, HELD_BYTES // (8 * entries))):
-                yield first, *_checked(block, tables.name, first, self.bounds)
+                yield first, *_checked(block, tables.name, first, self.settings.bounds)
                 first += len(block["q"])
 
 
@@ -217,7 +211,6 @@ def _is_rows(given: Given) -> bool:
 
 def _arrays(given: Given, asked: ImportedFiles) -> tuple[str, str, dict[str, StoredArray]]:
     """Name, digest and arrays by role of a file, or of what is in memory: an array, or arrays by role."""
-    wanted = {"q": asked.key, "visits": asked.visits, "td_var": asked.td_var}
     if not isinstance(given, str | Path):
         held = {role: _held(role, values) for role, values in _by_role(given).items()}
         check_numbers(held)
@@ -229,7 +222,7 @@ def _arrays(given: Given, asked: ImportedFiles) -> tuple[str, str, dict[str, Sto
             f"{path} ends in {path.suffix or 'nothing'}; files end in {', '.join((*ARRAYS, *ROWS))}"
         )
     digest = file_digest(path)
-    found = stored_arrays(path, inner, wanted)
+    found = stored_arrays(path, inner, asked.roles)
     check_numbers(found)
     return str(given), digest, found
 
@@ -305,9 +298,9 @@ def _of_arrays(
 
 
 def _moves(asked: ImportedFiles, count: int) -> list[str]:
-    if asked.actions is None:
+    names = asked.action_names
+    if names is None:
         return list(map(str, range(count)))
-    names = [name.strip() for name in asked.actions.split(",")]
     if len(names) != count:
         raise UsageError(f"--actions names {counted(len(names), 'action')}, and the tables have {count}")
     return names
@@ -323,10 +316,9 @@ def _axes_asked(text: str) -> tuple[list[str], tuple[int, ...]]:
 
 def _of_rows(paths: Sequence[Path], asked: ImportedFiles) -> tuple[list[str], list[str], list[Tables]]:
     """State axes, actions and tables, all files being of one layout: the coordinates and actions that any of them has."""
-    wanted = {"q": asked.key, "visits": asked.visits, "td_var": asked.td_var}
     digests = [file_digest(path) for path in paths]
     named = None if asked.axes is None else _axes_asked(asked.axes)
-    files = [RowFile.of(path, wanted, None if named is None else named[0]) for path in paths]
+    files = [RowFile.of(path, asked.roles, None if named is None else named[0]) for path in paths]
     if other := [file for file in files if file.axes != files[0].axes]:
         raise UsageError(
             f"{other[0].path} has the states {', '.join(other[0].axes)} and {files[0].path} {', '.join(files[0].axes)}; "
@@ -339,26 +331,22 @@ def _of_rows(paths: Sequence[Path], asked: ImportedFiles) -> tuple[list[str], li
         }
     else:
         coordinates = {name: list(map(float, range(size))) for name, size in zip(*named, strict=True)}
-    actions = _actions_of(asked, list(dict.fromkeys(name for scan in scans for name in scan.actions)))
+    there = list(dict.fromkeys(name for scan in scans for name in scan.actions))
+    moves, actions = _actions_of(asked.action_names, there)
     tables: list[Tables] = [
         RowTables(str(file.path), digest, file, scan.tasks, coordinates, actions)
         for file, digest, scan in zip(files, digests, scans, strict=True)
     ]
-    moves = list({place: name for name, place in reversed(actions.items())}.items())
     states = [axis_text(name, values) for name, values in coordinates.items()]
-    return states, [name for _, name in sorted(moves)], tables
+    return states, moves, tables
 
 
-def _actions_of(asked: ImportedFiles, there: list[str]) -> dict[str, int]:
-    """The place of each action by its name, or by its number where --actions names them; numbers are counted from 0."""
-    numbers = [int(name) for name in there if name.isdigit()]
-    if asked.actions is not None:
-        names = [name.strip() for name in asked.actions.split(",")]
-        by_number = {str(place): place for place in range(len(names))} if len(numbers) == len(there) else {}
-        return {name: place for place, name in enumerate(names)} | by_number
-    if len(numbers) == len(there):
-        return {str(place): place for place in range(max(numbers) + 1)}
-    return {name: place for place, name in enumerate(there)}
+def _actions_of(given: list[str] | None, there: list[str]) -> tuple[list[str], dict[str, int]]:
+    """The actions' names, and the place of each by what a file calls it: its name, or its number counted from 0."""
+    numbered = all(name.isdecimal() for name in there)
+    names = given or (list(map(str, range(max(map(int, there)) + 1))) if numbered else there)
+    places = {name: place for place, name in enumerate(names)}
+    return names, places | ({str(place): place for place in range(len(names))} if numbered else {})
 
 
 def _checked(

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from qinit_cli.errors import NotAllowed
-from qinit_cli.grid_map import read_map
+from qinit_cli.grid_map import MOVES, read_map
 from qinit_cli.kernels.worlds import GOAL, LOST
 from qinit_cli.task_files.tables import OwnTask
-
-MOVES = ("up", "down", "left", "right")
 
 
 def map_task(text: str, named: str) -> tuple[OwnTask, tuple[int, int]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from os import SEEK_CUR
@@ -17,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qinit_cli.errors import NotAllowed, UsageError
-from qinit_cli.task_files.maps import MOVES, map_task
+from qinit_cli.grid_map import MOVES
+from qinit_cli.npy import UNREADABLE, header
+from qinit_cli.task_files.maps import map_task
 from qinit_cli.task_files.tables import OwnTask, OwnTaskSet, own_tasks, told_apart
 
 Read = TypeVar("Read")
@@ -101,7 +102,7 @@ def _from_folder(path: Path) -> OwnTaskSet:
 def _of_maps(path: Path, parts: Sequence[Path]) -> OwnTaskSet:
     read = [map_task(_text(part), str(part)) for part in parts]
     down, across = _alike(path, parts, [shape for _, shape in read], "rows and columns")
-    return OwnTaskSet([task for task, _ in read], (), f"row={down},col={across}", tuple(MOVES))
+    return OwnTaskSet([task for task, _ in read], (), f"row={down},col={across}", MOVES)
 
 
 def _of_archives(path: Path, parts: Sequence[Path]) -> OwnTaskSet:
@@ -152,8 +153,6 @@ def _mapped(file: BinaryIO, member: zipfile.ZipInfo) -> NDArray[Any] | None:
     file.seek(member.header_offset + LOCAL_NAMES)
     name, extra = struct.unpack("<HH", file.read(4))
     file.seek(name + extra, SEEK_CUR)
-    version = np.lib.format.read_magic(file)
-    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, dtype = header(file)
     if dtype.hasobject:
         return None
@@ -164,6 +163,6 @@ def _read(path: Path, reader: Callable[[], Read]) -> Read:
     """What a reader reads; NotAllowed where the file is not what its name says."""
     try:
         return reader()
-    except (OSError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, TypeError, *UNREADABLE) as error:
         kind = "archive of numpy's arrays" if path.suffix == ARCHIVE else "map in plain text"
         raise NotAllowed(f"{path} is no {kind} that can be read: {error}") from error

@@ -16,7 +16,13 @@ from pathlib import PurePath
 INVISIBLE = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u3164\uffa0]")  # letters and marks that draw nothing
 UNDECODABLE = range(0xDC80, 0xDD00)  # how Python keeps the bytes of a file name that are no text
 NAMED = {"\n": r"\n", "\r": r"\r", "\t": r"\t"}
+NO_NAME = re.compile(r"[^A-Za-z0-9._]+")
 SUBCOMMAND = re.compile(r"[a-z][a-z-]*")
+
+
+def as_name(text: str) -> str:
+    """The text with a - for each run of characters that the name of an artefact does not have."""
+    return NO_NAME.sub("-", text)
 
 
 def printable(text: object, *, keep: str = "") -> str:
