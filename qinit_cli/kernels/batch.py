@@ -10,13 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
-from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes
+from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes, new_memory
 from qinit_cli.kernels.learner import Batch, new_rate
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.payment import AsTheWorldSays, new_payment
 from qinit_cli.kernels.policies import Choosing, Policies, new_choosing
 from qinit_cli.kernels.posterior import Hypotheses, PosteriorState, new_posterior
 from qinit_cli.kernels.random_streams import Words
+from qinit_cli.kernels.tiles import TiledWorld, tile_memory
 from qinit_cli.learning import Learning
 from qinit_cli.rewards import Payment
 from qinit_cli.watch import Watch
@@ -161,6 +162,11 @@ def learn(
     evaluation = _evaluation(records.evaluate_every, learning.episodes, streams.evaluation, batch)
     lanes = lanes or worlds.lanes
     advance, world = worlds.loop(learning, lanes)
+    if isinstance(world, TiledWorld):
+        shaped = start.potential is not None
+        memory: Any = tile_memory(world, worlds.states, worlds.actions, shaped)
+    else:
+        memory = new_memory(lanes, worlds.states, worlds.actions)
     posterior = _posterior(start.hypotheses, learning.gamma, payment, records.moments, lanes, shape)
     if streams.learner is not None:
         _expect("learner streams", streams.learner.shape, (batch, 4))
@@ -177,7 +183,7 @@ def learn(
         world,
         _setting(learning, worlds, inside, paid),
         tasks,
-        new_lanes(lanes, worlds.states, worlds.actions, worlds.queue(), learning.learner.waits),
+        new_lanes(memory, worlds.queue(), learning.learner.waits),
         Recording(visits, td_var, evaluation),
         hooks,
     )

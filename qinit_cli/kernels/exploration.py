@@ -101,7 +101,7 @@ def choose(memory, explore, step, lane, state, episode, choosing):
 
 
 @body(choose, WideMemory)
-def _choose_wide(memory, explore, step, lane, state, episode, choosing):
+def choose_wide(memory, explore, step, lane, state, episode, choosing):
     action, explores = pick(explore, memory, lane, state, episode, memory.draws[step])
     if choosing is not None:
         follows_policy = follows(choosing, lane)

@@ -93,7 +93,7 @@ class Gridworlds:
         slips = slip_limit(np.stack([self.p, self.p + slip, self.p + 2 * slip], axis=-1))
         starts = np.array(self.starts, np.uint32)
         if self.goal.ndim > 1 or self.p.ndim > 1:
-            return compiled_loop(PatchyWorld, learning), self._patchy(slips, starts, lanes)
+            return compiled_loop(learning, PatchyWorld), self._patchy(slips, starts, lanes)
         world = CellWorld(
             neighbours=self.moves.astype(np.uint32).ravel(),
             goal=self.goal.astype(np.uint32),
@@ -103,7 +103,7 @@ class Gridworlds:
             rank=np.searchsorted(self._free, self.goal),
             lane_goal=np.zeros(lanes, np.uint32),
         )
-        return compiled_loop(CellWorld, learning), world
+        return compiled_loop(learning, CellWorld), world
 
     @property
     def _free(self) -> Integers:

@@ -89,7 +89,7 @@ class Hooks(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What steps read and write, of all lanes (L, ...) or of one; up to four actions."""
+    """What steps read and write, of all lanes (L, ...) or of one; a table of up to four actions."""
 
     rows: Any  # f8 (L, (S + 2) * 8)
     ties: Any  # u1 (L, S + 2)
@@ -124,7 +124,7 @@ class Waiting(NamedTuple):
 class Lanes(NamedTuple):
     """Working memory of L lanes."""
 
-    memory: Any  # Memory or WideMemory
+    memory: Any  # Memory, WideMemory or one of tiles.py
     task: Any  # i8 (L,) who learns there; -1: nobody
     queue: Any  # i8 (B,) the tasks in the order in which they are taken
     following: Any  # i8 (1,) how many have been taken
@@ -137,21 +137,11 @@ class Lanes(NamedTuple):
     lengths: Any  # i8 (L, BLOCK) steps of those of this block, negative if they missed the goal; e % BLOCK for the e-th
 
 
-def new_lanes(count: int, states: int, actions: int, queue: Integers, waits: bool) -> Lanes:
-    """Lanes that nobody has learned in, and who waits for them."""
-    width = -(-actions // WIDTH) * WIDTH
-    visits = _aligned(count, (states + 2) * 2 * width).view(np.int64)
-    arrays = (
-        _aligned(count, (states + 2) * (width + WIDTH)),
-        np.zeros((count, states + 2), np.uint8),
-        visits,
-        visits.view(np.float64),
-        np.zeros((count, BLOCK), np.uint64),
-    )
+def new_lanes(memory: Any, queue: Integers, waits: bool) -> Lanes:
+    """Lanes that nobody has learned in, who waits for them, and their memory."""
+    count = len(memory.rows)
     return Lanes(
-        memory=Memory(*arrays, np.zeros((count, BLOCK), np.uint16), actions)
-        if actions <= FEW
-        else WideMemory(*arrays, np.zeros((count, 0), np.uint16), actions, width),
+        memory=memory,
         task=np.full(count, -1, np.int64),
         queue=queue,
         following=np.zeros(1, np.int64),
@@ -165,7 +155,23 @@ def new_lanes(count: int, states: int, actions: int, queue: Integers, waits: boo
     )
 
 
-def _aligned(rows: int, columns: int) -> Floats:
+def new_memory(count: int, states: int, actions: int) -> Memory | WideMemory:
+    """The memory of lanes that hold tables."""
+    width = -(-actions // WIDTH) * WIDTH
+    visits = aligned(count, (states + 2) * 2 * width).view(np.int64)
+    arrays = (
+        aligned(count, (states + 2) * (width + WIDTH)),
+        np.zeros((count, states + 2), np.uint8),
+        visits,
+        visits.view(np.float64),
+        np.zeros((count, BLOCK), np.uint64),
+    )
+    if actions <= FEW:
+        return Memory(*arrays, np.zeros((count, BLOCK), np.uint16), actions)
+    return WideMemory(*arrays, np.zeros((count, 0), np.uint16), actions, width)
+
+
+def aligned(rows: int, columns: int) -> Floats:
     """Zeros that begin on a cache line, so that a row of eight is one."""
     memory = np.zeros(rows * columns + CACHE_LINE // 8)
     first = -memory.ctypes.data % CACHE_LINE // 8
@@ -285,7 +291,7 @@ def rescan(memory, state, actions, gamma):
     note_best(memory, state, best, tied, gamma)
 
 
-@inlined
+@part
 def note_best(memory, state, best, tied, gamma):
     """Keeps what entering a state is worth, and its ties, given the largest of its values and which of them equal it."""
     width = width_of(memory)
@@ -313,6 +319,20 @@ def take(tasks, lanes, lane, gamma, payment, potential, visits, td_var):
     task = lanes.queue[lanes.following[0]]
     lanes.following[0] += 1
     memory = own(lanes.memory, lane)
+    width = width_of(memory)
+    fill(memory, tasks, task, gamma, potential, visits, td_var)
+    for end in range(2):
+        place = (width + WIDTH) * (len(memory.ties) - 2 + end) + width
+        memory.rows[place + WORTH] = worth_of_end(payment, end)
+        memory.rows[place + WORTH_OF_POTENTIAL] = 0.0
+    lanes.task[lane] = task
+    lanes.time[lane] = 0
+    lanes.ended[lane] = 0
+
+
+@part
+def fill(memory, tasks, task, gamma, potential, visits, td_var):
+    """Writes what the task has learned so far into a lane's memory."""
     width, states, actions = width_of(memory), tasks.q.shape[1], tasks.q.shape[2]
     memory.rows[:] = -np.inf
     for state in range(states):
@@ -328,19 +348,11 @@ def take(tasks, lanes, lane, gamma, payment, potential, visits, td_var):
             phi = potential[task % len(potential), state]
             memory.rows[row + width + WORTH_OF_POTENTIAL] = gamma * phi
             memory.rows[row + width + POTENTIAL] = phi
-    for end in range(2):
-        place = (width + WIDTH) * (states + end) + width
-        memory.rows[place + WORTH] = worth_of_end(payment, end)
-        memory.rows[place + WORTH_OF_POTENTIAL] = 0.0
-    lanes.task[lane] = task
-    lanes.time[lane] = 0
-    lanes.ended[lane] = 0
 
 
-@inlined
-def leave(tasks, lanes, lane, visits, td_var):
-    """Writes what the lane's task has learned back to the batch; what the lane goes on to do is lost."""
-    task, memory = lanes.task[lane], own(lanes.memory, lane)
+@part
+def empty(memory, tasks, task, visits, td_var):
+    """Writes what a lane's memory holds back to the task."""
     width = width_of(memory)
     for state in range(tasks.q.shape[1]):
         row, tally = (width + WIDTH) * state, 2 * width * state
@@ -350,6 +362,11 @@ def leave(tasks, lanes, lane, visits, td_var):
                 visits[task, state, action] = memory.visits[tally + action]
             if td_var is not None:
                 td_var[task, state, action] = memory.td_var[tally + width + action]
+
+
+@part
+def read(memory, state, gamma):
+    """Brings a state's row up to date with the weights whose sums its values are; a table has none."""
 
 
 @inner

@@ -18,13 +18,14 @@ from qinit_cli.kernels.compiled import inlined, kept_with, unkept, unkept_inline
 from qinit_cli.kernels.exploration import choose, count_step, decided_limit
 from qinit_cli.kernels.lane import (
     BLOCK,
+    empty,
     end_block,
     evaluation_due,
     greedy_action,
     in_use,
     is_idle,
-    leave,
     own,
+    read,
     take,
 )
 from qinit_cli.kernels.learner import Step, arrive, begin_task, chose, end_learning, is_state, update
@@ -82,18 +83,17 @@ class SteppedWorlds:
         world: Any = self.world
         if "paid" in getattr(world, "_fields", ()):
             world = world._replace(paid=np.zeros(lanes))
-        return compiled_loop(world.__class__, learning), world
+        return compiled_loop(learning, world.__class__), world
 
 
-def compiled_loop(world: Any, learning: Learning) -> Function:
-    """`advance` for worlds of that class, learned so."""
-    learner: Any = learning.learner.__class__
-    return _loop_for(world, learner)
+def compiled_loop(learning: Learning, *worlds: Any) -> Function:
+    """`advance` for worlds of that class, and of those that it is made of, learned so."""
+    return _loop_for(*(each.__module__ for each in (*worlds, type(learning.learner))))
 
 
 @cache
-def _loop_for(world: Any, learner: Any) -> Function:
-    loop: Function = kept_with((world.__module__, learner.__module__), advance)
+def _loop_for(*modules: str) -> Function:
+    loop: Function = kept_with(modules, advance)
     return loop
 
 
@@ -172,7 +172,8 @@ def _advance_groups(world, setting, tasks, lanes, recording, hooks, posterior):
 @unkept
 def _learn(first, group, world, setting, tasks, lanes, recording, hooks, posterior):
     """A block of steps in the lanes from `first` on, side by side, or in that lane alone if `group` is None."""
-    count, at_once, states, gamma = 1, False, tasks.q.shape[1], setting.gamma
+    count, at_once, gamma = 1, False, setting.gamma
+    states = lanes.memory.ties.shape[1] - 2
     if group is not None:
         count, at_once = beside(world), moves_at_once(world)
     end = first + count
@@ -307,26 +308,13 @@ def _chosen(
     """What a lane's step does: its choice, and the action that follows from it, for which the step before may have waited."""
     if posterior is not None and posterior.live[lane]:
         refresh(posterior, lane, memory, state, setting.gamma)
+    read(memory, state, setting.gamma)
     arrive(setting.learner, memory, lane, state, setting.gamma)
     choice, action = choose(memory, setting.explore, step, lane, state, ended[lane], choosing)
     count_step(setting.explore, memory, lane, state, action)
-    if waiting is not None and waiting.state[lane] >= 0:
-        _learn_step(
-            memory,
-            lane,
-            task,
-            waiting.state[lane],
-            waiting.action[lane],
-            waiting.reward[lane],
-            state,
-            np.int64(action),
-            setting,
-            ended,
-            hooks,
-            posterior,
-            recording,
-        )
-        waiting.state[lane] = -1
+    _learn_waiting(
+        waiting, memory, lane, task, state, np.int64(action), setting, ended, hooks, posterior, recording
+    )
     chose(setting.learner, memory, lane, state, action)
     return choice, action
 
@@ -341,12 +329,38 @@ def _waits(waiting, lane, state, action, reward, goes_on):
 
 
 @unkept_inlined
+def _learn_waiting(
+    waiting, memory, lane, task, after, following, setting, ended, hooks, posterior, recording
+):
+    """Learns from the step that waited, given the row that it led to and the action that follows; -1: none does."""
+    if waiting is not None and waiting.state[lane] >= 0:
+        read(memory, waiting.state[lane], setting.gamma)
+        _learn_step(
+            memory,
+            lane,
+            task,
+            waiting.state[lane],
+            waiting.action[lane],
+            waiting.reward[lane],
+            after,
+            following,
+            setting,
+            ended,
+            hooks,
+            posterior,
+            recording,
+        )
+        waiting.state[lane] = -1
+
+
+@unkept_inlined
 def _learn_step(
     memory, lane, task, state, action, reward, after, following, setting, ended, hooks, posterior, recording
 ):
     """Learns from a step, and lets it move the weights of hypotheses."""
     after = np.int64(after)
     if is_state(memory, after):
+        read(memory, after, setting.gamma)
         arrive(setting.learner, memory, lane, after, setting.gamma)
     step = Step(lane, np.int64(state), np.int64(action), reward, after, following, ended[lane])
     alpha = update(setting.learner, memory, step, setting, hooks, recording)
@@ -399,7 +413,20 @@ def _end(
 ):
     """Notes an episode's end, with all that hangs on it, and goes where the next one starts."""
     task, episode = lanes.task[lane], lanes.ended[lane]
-    _learn_last(world, setting, tasks, lanes, lane, recording, hooks, lanes.waiting, posterior)
+    after = np.int64(entered(world, lanes.state[lane], lanes.memory.ties.shape[1] - 2))
+    _learn_waiting(
+        lanes.waiting,
+        own(lanes.memory, lane),
+        lane,
+        task,
+        after,
+        -1,
+        setting,
+        lanes.ended,
+        hooks,
+        posterior,
+        recording,
+    )
     end_learning(setting.learner, lane)
     if posterior is not None and posterior.live[lane]:
         evaluated = False
@@ -413,7 +440,7 @@ def _end(
     lanes.lengths[lane, episode % BLOCK] = length if reached else -length
     lanes.ended[lane] = episode + 1
     if episode + 1 == setting.episodes:
-        leave(tasks, lanes, lane, recording.visits, recording.td_var)
+        empty(own(lanes.memory, lane), tasks, task, recording.visits, recording.td_var)
     if choosing is not None:
         learn_of_episode(
             choosing, lane, share_of_episode(setting.payment, lane, length, reached, setting.gamma)
@@ -421,28 +448,6 @@ def _end(
     _evaluate(world, setting, tasks, lanes, lane, episode + 1, evaluation)
     begin_gaining(setting.payment, lane)
     lanes.state[lane] = start_of(world, task, lane, tasks.start_dice[task], setting.anywhere)
-
-
-@unkept_inlined
-def _learn_last(world, setting, tasks, lanes, lane, recording, hooks, waiting, posterior):
-    """Learns from an episode's last step where it waits for an action that does not follow: the episode was cut off."""
-    if waiting is not None and waiting.state[lane] >= 0:
-        _learn_step(
-            own(lanes.memory, lane),
-            lane,
-            lanes.task[lane],
-            waiting.state[lane],
-            waiting.action[lane],
-            waiting.reward[lane],
-            np.int64(entered(world, lanes.state[lane], tasks.q.shape[1])),
-            -1,
-            setting,
-            lanes.ended,
-            hooks,
-            posterior,
-            recording,
-        )
-        waiting.state[lane] = -1
 
 
 @unkept_inlined
@@ -461,6 +466,7 @@ def _play(world, setting, tasks, lanes, lane, ended, evaluation):
     code = np.int64(start_of(world, task, lane, rng, False))
     while code >= 0 and length < setting.horizon:
         drawn = draw(rng)
+        read(memory, code, setting.gamma)
         arrive(setting.learner, memory, lane, code, setting.gamma)
         action = np.int64(greedy_action(memory, code, drawn))
         uniform = np.float64(drawn >> THIRTY_TWO) * 2.0**-32

@@ -24,7 +24,7 @@ from qinit_cli.kernels.parts import Function, body
 from qinit_cli.kernels.random_streams import Words, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
-from qinit_cli.kernels.worlds import beside, move, moves_at_once, place_of, prepare, starts, steps
+from qinit_cli.kernels.worlds import beside, coordinate, move, moves_at_once, place_of, prepare, starts, steps
 from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
@@ -86,9 +86,13 @@ class MountainCars:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, CarWorld]:
         """The compiled loop and the world it takes."""
+        return compiled_loop(learning, CarWorld), self.continuous(lanes)
+
+    def continuous(self, lanes: int) -> CarWorld:
+        """The cars as a world in that many lanes."""
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
-        world = CarWorld(
+        return CarWorld(
             eta=np.ascontiguousarray(self.eta, np.float64),
             hill=float(self.hill),
             bins=float(self.bins),
@@ -100,7 +104,6 @@ class MountainCars:
             lane_eta=np.zeros(lanes),
             gusts=np.zeros(lanes * BLOCK) if self.noise > 0 else None,
         )
-        return compiled_loop(CarWorld, learning), world
 
 
 @inlined
@@ -217,6 +220,11 @@ def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states
     return np.uint32(
         chosen(is_done(position, velocity), np.float64(states), bin_of(position, velocity, world.bins))
     )
+
+
+@body(coordinate, CarWorld)
+def _coordinate(world, lane, dimension):
+    return world.position[lane] if dimension == 0 else world.velocity[lane]
 
 
 @inlined

@@ -122,7 +122,7 @@ class PythonWorlds:
 
         begin, move = addresses
         world = PaidPythonWorld(begin, move, paid) if self.pays else PythonWorld(begin, move)
-        advance = compiled_loop(type(world), learning)
+        advance = compiled_loop(learning, type(world))
 
         def raising(blocks: int, *arguments: Any) -> None:
             advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait

@@ -120,3 +120,9 @@ def moves_at_once(world):
 def move(world, first, step, action, states, after):
     """Writes into `after` the places that the steps of the lanes from `first` on lead to; True if any of them is no state."""
     return False
+
+
+@part
+def coordinate(world, lane, dimension):
+    """A coordinate of a lane's continuous state, which the starts and steps of a continuous world write to `observed` f8 (L, D)."""
+    return world.observed[lane, dimension]
