@@ -334,7 +334,6 @@ def _learn_waiting(
 ):
     """Learns from the step that waited, given the row that it led to and the action that follows; -1: none does."""
     if waiting is not None and waiting.state[lane] >= 0:
-        read(memory, waiting.state[lane], setting.gamma)
         _learn_step(
             memory,
             lane,
@@ -351,6 +350,8 @@ def _learn_waiting(
             recording,
         )
         waiting.state[lane] = -1
+        if is_state(memory, after):
+            read(memory, after, setting.gamma)  # before what is learned from the step there
 
 
 @unkept_inlined

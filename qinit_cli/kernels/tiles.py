@@ -36,6 +36,7 @@ from qinit_cli.kernels.lane import (
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
 from qinit_cli.kernels.random_streams import Words
+from qinit_cli.kernels.traces import meet, meet_step, traced
 from qinit_cli.kernels.vectors import WIDTH
 from qinit_cli.kernels.worlds import (
     CUT,
@@ -377,3 +378,14 @@ def _change(memory, row, action, amount):
 @body(note_best, TileMemory, WideTileMemory)
 def _note_best(memory, state, best, tied, gamma):
     pass  # the row is read again before it counts
+
+
+@body(traced, TileMemory, WideTileMemory)
+def _traced(memory):
+    return memory.weights, memory.share
+
+
+@body(meet_step, TileMemory, WideTileMemory)
+def _meet_step(memory, learner, step):
+    for entry in memory.active[step.state]:
+        meet(learner, step.lane, entry + step.action)

@@ -27,7 +27,7 @@ from qinit_cli.kernels.learner import (
     update,
     value,
 )
-from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.parts import body, part
 from qinit_cli.kernels.vectors import WIDTH
 
 
@@ -110,17 +110,30 @@ def _learn_towards(target, learner, memory, step, setting, hooks, recording):
     width, lane = width_of(memory), step.lane
     error = shaped(target, memory, step, hooks) - value(memory, step.state, step.action)
     alpha = rate_of(setting.rate, lane, width * step.state + step.action, step.episode)
-    _meet(learner, lane, (width + WIDTH) * step.state + step.action)
+    meet_step(memory, learner, step)
     if error != 0.0:
         span = learner.first[lane], learner.end[lane]
-        _spread(memory.rows, learner.place[lane], learner.trace[lane], span, alpha * error)
+        entries, share = traced(memory)
+        _spread(entries, learner.place[lane], learner.trace[lane], span, alpha * error * share)
     tally(memory, step, error, recording)
     return alpha
 
 
+@part
+def traced(memory):
+    """The numbers that have traces, and the share of an update that each takes."""
+    return memory.rows, 1.0
+
+
+@part
+def meet_step(memory, learner, step):
+    """Gives what a step's value is made of its traces."""
+    meet(learner, step.lane, (width_of(memory) + WIDTH) * step.state + step.action)
+
+
 @inlined
-def _meet(learner, lane, place):
-    """Gives a state-action its trace, at the end of the list."""
+def meet(learner, lane, place):
+    """Gives a number its trace, at the end of the list."""
     places, traces, old, trace = learner.place[lane], learner.trace[lane], learner.entry[lane, place], 0.0
     if learner.first[lane] <= old < learner.end[lane] and places[old] == place:
         trace, traces[old] = traces[old], 0.0
