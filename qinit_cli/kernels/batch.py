@@ -10,7 +10,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
-from qinit_cli.kernels.lane import FEW, Evaluation, Hooks, LaneSetting, Recording, Tasks, new_lanes, new_memory
+from qinit_cli.kernels.lane import (
+    FEW,
+    Evaluation,
+    Hooks,
+    LaneSetting,
+    Recording,
+    Tasks,
+    new_lanes,
+    new_memory,
+)
 from qinit_cli.kernels.learner import Batch, new_rate
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.payment import AsTheWorldSays, new_payment

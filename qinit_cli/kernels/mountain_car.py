@@ -24,7 +24,7 @@ from qinit_cli.kernels.parts import Function, body
 from qinit_cli.kernels.random_streams import Words, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
-from qinit_cli.kernels.worlds import beside, coordinate, move, moves_at_once, place_of, prepare, starts, steps
+from qinit_cli.kernels.worlds import beside, coordinate, move, moves_at_once, place_of, prepare, put_state, starts, steps
 from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
@@ -225,6 +225,12 @@ def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states
 @body(coordinate, CarWorld)
 def _coordinate(world, lane, dimension):
     return world.position[lane] if dimension == 0 else world.velocity[lane]
+
+
+@body(put_state, CarWorld)
+def _put_state(world, task, lane, state):
+    world.lane_eta[lane] = world.eta[task]
+    _put(world, lane, state[0], state[1])
 
 
 @inlined

@@ -71,6 +71,7 @@ class TiledWorld(NamedTuple):
     first: Any  # i4 (n,) entries of `weights`
     active: Any  # i4 (L, 2, n) for each slot: the entry of `weights` where each active tile's begin
     slot: Any  # i8 (L,) of each lane's state
+    width: int  # entries of `weights` of a tile
 
 
 class TileMemory(NamedTuple):
@@ -152,10 +153,14 @@ class TiledWorlds:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, TiledWorld]:
         """The compiled loop and the world it takes."""
+        world = self.world(lanes)
+        return compiled_loop(learning, TiledWorld, type(world.inner)), world
+
+    def world(self, lanes: int) -> TiledWorld:
+        """The world in that many lanes."""
         coding, width = self.coding, -(-self.actions // WIDTH) * WIDTH
-        inner = self.inner.continuous(lanes)
-        world = TiledWorld(
-            inner=inner,
+        return TiledWorld(
+            inner=self.inner.continuous(lanes),
             low=np.array(coding.low),
             scale=coding.scales(),
             top=float(np.nextafter(coding.tiles, 0.0)),
@@ -164,8 +169,8 @@ class TiledWorlds:
             first=(coding.first() * width).astype(np.int32),
             active=np.zeros((lanes, SLOTS, coding.tilings), np.int32),
             slot=np.zeros(lanes, np.int64),
+            width=width,
         )
-        return compiled_loop(learning, TiledWorld, type(inner)), world
 
 
 def tile_memory(world: TiledWorld, tiles: int, actions: int, shaped: bool) -> TileMemory | WideTileMemory:

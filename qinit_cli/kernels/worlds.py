@@ -126,3 +126,10 @@ def move(world, first, step, action, states, after):
 def coordinate(world, lane, dimension):
     """A coordinate of a lane's continuous state, which the starts and steps of a continuous world write to `observed` f8 (L, D)."""
     return world.observed[lane, dimension]
+
+
+@part
+def put_state(world, task, lane, state):
+    """Puts a lane of a continuous world into a state f8 (D,) of the task."""
+    for dimension in range(len(state)):
+        world.observed[lane, dimension] = state[dimension]
