@@ -24,7 +24,17 @@ from qinit_cli.kernels.parts import Function, body
 from qinit_cli.kernels.random_streams import Words, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
-from qinit_cli.kernels.worlds import beside, coordinate, move, moves_at_once, place_of, prepare, put_state, starts, steps
+from qinit_cli.kernels.worlds import (
+    beside,
+    coordinate,
+    move,
+    moves_at_once,
+    place_of,
+    prepare,
+    put_state,
+    starts,
+    steps,
+)
 from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07

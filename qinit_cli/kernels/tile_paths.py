@@ -54,7 +54,8 @@ def greedy_paths(
 
 @cache
 def _compiled(name: str, module: str) -> Function:
-    made: Function = kept_with((module,), {"lengths": _lengths, "paths": _paths}[name])
+    functions: dict[str, Any] = {"lengths": _lengths, "paths": _paths}
+    made: Function = kept_with((module,), functions[name])
     return made
 
 
@@ -104,7 +105,9 @@ def _greedy(world, weights):
         for tiling in range(world.offsets.shape[1]):
             tile = np.int64(world.first[tiling])
             for dimension in range(len(world.low)):
-                inside = (coordinate(world.inner, LANE, dimension) - world.low[dimension]) * world.scale[dimension]
+                inside = (coordinate(world.inner, LANE, dimension) - world.low[dimension]) * world.scale[
+                    dimension
+                ]
                 inside = min(max(inside, 0.0), world.top)
                 tile += np.int64(inside + world.offsets[dimension, tiling]) * world.strides[dimension]
             summed += weights[tile // world.width, action]

@@ -45,7 +45,6 @@ from qinit_cli.kernels.worlds import (
     coordinate,
     move,
     moves_at_once,
-    place_of,
     prepare,
     start_of,
     starts,

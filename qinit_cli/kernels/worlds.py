@@ -124,7 +124,7 @@ def move(world, first, step, action, states, after):
 
 @part
 def coordinate(world, lane, dimension):
-    """A coordinate of a lane's continuous state, which the starts and steps of a continuous world write to `observed` f8 (L, D)."""
+    """A coordinate of a lane's continuous state, which its starts and steps write to `observed` f8 (L, D)."""
     return world.observed[lane, dimension]
 
 

@@ -45,16 +45,20 @@ def hold_out(selection: Selection, count: int) -> tuple[Selection, Flags]:
     return replace(selection, kept=selection.kept & ~held), held
 
 
-def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> dict[str, Any]:
+def fit(
+    blocks: Iterable[Block], selection: Selection, options: FitOptions, *, estimates: bool = False
+) -> dict[str, Any]:
     """The arrays of a fit, state axes as in the blocks; memory is that of a block and the library.
 
-    `blocks` partitions the source tasks in task order, BLOCK in each but the last.
+    `blocks` partitions the source tasks in task order, BLOCK in each but the last. Values that are `estimates` count where they
+    are not positive, too.
     """
     from qinit_cli.analysis.moments import source_moments
 
     library = _KeptTables(library_size(selection, options))
     kept = kept_of(blocks, selection.kept)
-    moments = source_moments((block["q"], block["eopl"]) for block in library.reading(kept))
+    read = ((block["q"], block["eopl"]) for block in library.reading(kept))
+    moments = source_moments(read, estimates=estimates)
     return _tables(moments, options.estimator) | {
         "value_mean": moments.value.mean,
         "library_q": np.concatenate(library.q) if library.q else _no_tables(moments),
@@ -117,13 +121,13 @@ def pair_statistics(log_q: Moments, q: Moments, estimator: str) -> dict[str, Any
         "std": q.std,
         "min": q.min,
         "max": q.max,
-        "n": q.n.astype(np.int32),
+        "n": log_q.n.astype(np.int32),
     }
 
 
 def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
     log_q, q, eopl = moments.log_q, moments.q, moments.eopl
-    unknown = q.n == 0
+    unknown = log_q.n == 0
     return pair_statistics(log_q, q, estimator) | {
         "n_masked": moments.n_masked.astype(np.int32),
         "eopl_mean": eopl.mean,
