@@ -35,6 +35,7 @@ from qinit_cli.kernels.lane import (
 )
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
+from qinit_cli.kernels.policies import policy_action
 from qinit_cli.kernels.random_streams import Words
 from qinit_cli.kernels.traces import meet, meet_step, traced
 from qinit_cli.kernels.vectors import WIDTH
@@ -393,3 +394,15 @@ def _traced(memory):
 def _meet_step(memory, learner, step):
     for entry in memory.active[step.state]:
         meet(learner, step.lane, entry + step.action)
+
+
+@body(policy_action, TileMemory, WideTileMemory)
+def _policy_action(memory, choosing, lane, state):
+    weights, active = choosing.policies[choosing.chosen[lane]], memory.active[np.int64(state)]
+    best, taken = -np.inf, 0
+    for action in range(memory.actions):
+        summed = 0.0
+        for tiling in range(len(active)):
+            summed += weights[active[tiling] + action]
+        best, taken = (summed, action) if summed > best else (best, taken)
+    return np.int64(taken)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.environments.family import Family
+from qinit_cli.environments.tiled import WEIGHTS
 from qinit_cli.fitted import MASKED, UNKNOWN, FitOptions
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ def fit(
         "value_mean": moments.value.mean,
         "library_q": np.concatenate(library.q) if library.q else _no_tables(moments),
         "library_td_var": np.concatenate(library.td_var) if library.td_var else _no_tables(moments),
+        **({"library_weights": np.concatenate(library.weights)} if library.weights else {}),
         "library_task": np.concatenate([np.empty(0, np.int64), *library.task]),
     }
 
@@ -90,12 +92,20 @@ class _KeptTables:
         self.q: list[Any] = []
         self.td_var: list[Any] = []
         self.task: list[Any] = []
+        self.weights: list[Any] = []  # of tiles, where the blocks have them
 
     def reading(self, blocks: Iterable[Block]) -> Iterator[Block]:
         for block in blocks:
             if self._room > 0:
-                for kept, name in ((self.q, "q"), (self.td_var, "td_var"), (self.task, "task")):
-                    kept.append(block[name][: self._room])
+                wanted = (
+                    (self.q, "q"),
+                    (self.td_var, "td_var"),
+                    (self.task, "task"),
+                    (self.weights, WEIGHTS),
+                )
+                for kept, name in wanted:
+                    if name in block:
+                        kept.append(block[name][: self._room])
                 self._room -= len(self.q[-1])
             yield block
 

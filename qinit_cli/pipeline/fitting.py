@@ -15,10 +15,10 @@ from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.settings import FitSettings, SourcesSettings
 from qinit_cli.artefacts.sources import Shares, blocks_in_shares
-from qinit_cli.artefacts.tile_columns import probe_columns
+from qinit_cli.artefacts.tile_columns import joined, library_columns, probe_columns
 from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
-from qinit_cli.environments.tiled import PROBES, TiledFamily
+from qinit_cli.environments.tiled import PROBES, WEIGHTS, TiledFamily
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions, FittedTables, in_returns
 from qinit_cli.options import flag
@@ -141,7 +141,7 @@ def _schema(source: Artefact, family: Family, fitting: FitOptions, library: int)
     settings = SourcesSettings.read(source.spec)
     bounds = settings.bounds
     more_axes, more_columns = fit_statistics(statistics.contents(fitting), state_action)
-    axes, columns = probe_columns(family)
+    axes, columns = joined(probe_columns(family), library_columns(family))
     return fit_schema(
         tuple(states),
         action,
@@ -167,7 +167,8 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
     origin = statistics.Origin(family, sources.learning.gamma, sources.seed)
     names = statistics.columns(fitting, family)
     sample = statistics.Sample(selection.kept, origin.seed, names)
-    wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *names)))
+    of_tiles = () if family.counted else (WEIGHTS,)
+    wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *of_tiles, *names)))
     blocks, bounds = blocks_in_shares(source, wanted, stage.BLOCK), bounds_of(family, origin.gamma)
     read = sample.reading(progress.counting(blocks))
     arrays = stage.fit(read, selection, fitting, estimates=not family.counted)

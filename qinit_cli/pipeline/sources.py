@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.artefacts.columns import ROUNDING
-from qinit_cli.artefacts.tile_columns import probe_columns, weight_columns
+from qinit_cli.artefacts.tile_columns import joined, probe_columns, weight_columns
 from qinit_cli.environments.family import Family, bounds_of, draw_tasks
 from qinit_cli.environments.tiled import TiledFamily
 from qinit_cli.errors import NotAllowed, UsageError
@@ -91,15 +91,14 @@ def _schema(tasks: SourceTasks) -> Any:
     from qinit_cli.artefacts.sources import sources_schema
 
     family, bounds = tasks.family, bounds_of(tasks.family, tasks.learning.gamma)
-    of_probes, of_weights = probe_columns(family), weight_columns(family, per_task=True)
+    of_tiles = joined(probe_columns(family), weight_columns(family, per_task=True))
     return sources_schema(
         family.axes(),
         action_axis(family),
         family.parameters(),
         tasks.bins,
         bounds,
-        (*of_probes[0], *of_weights[0]),
-        (*of_probes[1], *of_weights[1]),
+        *of_tiles,
         tiled=not family.counted,
     )
 

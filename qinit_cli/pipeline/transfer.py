@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qinit_cli.artefacts.tile_columns import probe_columns, start_columns, weight_columns
+from qinit_cli.artefacts.tile_columns import joined, probe_columns, start_columns, weight_columns
 from qinit_cli.environments.family import Family, bounds_of, task_count
 from qinit_cli.environments.tiled import TiledFamily
-from qinit_cli.errors import UsageError
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.methods import Initial, Method
@@ -55,6 +55,11 @@ def targets_of(
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
     check_together(method, settings.learner)
+    if method.weighs and sources.family.tiled:
+        raise NotAllowed(
+            f"{method.name} corrects for the (1 - alpha)^n of the start that n updates leave in an entry of a table, which "
+            "weights that many states share do not obey; choose another method, or learn tables"
+        )
     check_learned(family, settings)
     targets = TargetTasks(
         family,
@@ -149,9 +154,11 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.artefacts.run import run_schema
 
     family = targets.family
-    of_probes, of_start = probe_columns(family), start_columns(family, per_task=initial.start_per_task)
-    of_weights = weight_columns(family, per_task=targets.keep_q)
-    axes = {axis.name: axis for axis in (*of_probes[0], *of_start[0], *of_weights[0])}
+    more_axes, more = joined(
+        probe_columns(family),
+        start_columns(family, per_task=initial.start_per_task),
+        weight_columns(family, per_task=targets.keep_q),
+    )
     return run_schema(
         family.axes(),
         action_axis(family),
@@ -168,8 +175,8 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         updating=targets.keep_visits,
         hypotheses=initial.hypothesis_count,
         moments=targets.moments,
-        more_axes=tuple(axes.values()),
-        more=(*of_probes[1], *of_start[1], *of_weights[1]),
+        more_axes=more_axes,
+        more=more,
         tiled=not family.counted,
     )
 
