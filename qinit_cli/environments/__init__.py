@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from qinit_cli.environments.acrobot import Acrobot
+from qinit_cli.environments.cart_pole import CartPole
 from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.gym import Gym
@@ -20,7 +22,7 @@ from qinit_cli.registry import Registry
 FAMILIES: Registry[Family] = Registry(
     "qinit.families",
     "family",
-    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym, OwnTasks),
+    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, CartPole, Acrobot, Gym, OwnTasks),
     lambda found: _fault(found),
     unlisted=(ImportedTables,),  # read from artefacts, never learned
 )

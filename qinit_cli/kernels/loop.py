@@ -85,15 +85,15 @@ class SteppedWorlds:
         return compiled_loop(world.__class__, learning), world
 
 
-def compiled_loop(world: Any, learning: Learning) -> Function:
-    """`advance` for worlds of that class, learned so."""
+def compiled_loop(world: Any, learning: Learning, *within: Any) -> Function:
+    """`advance` for worlds of that class, learned so; `within` are the classes of the worlds that it steps through itself."""
     learner: Any = learning.learner.__class__
-    return _loop_for(world, learner)
+    return _loop_for(world, learner, *within)
 
 
 @cache
-def _loop_for(world: Any, learner: Any) -> Function:
-    loop: Function = kept_with((world.__module__, learner.__module__), advance)
+def _loop_for(*classes: Any) -> Function:
+    loop: Function = kept_with(tuple(each.__module__ for each in classes), advance)
     return loop
 
 

@@ -7,7 +7,6 @@ continuous; the table sees its bin, row position and column velocity. Actions: 0
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -21,7 +20,7 @@ from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.lane import BLOCK
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
-from qinit_cli.kernels.random_streams import Words, unit
+from qinit_cli.kernels.random_streams import Words, two_normals, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
 from qinit_cli.kernels.worlds import beside, move, moves_at_once, place_of, prepare, starts, steps
@@ -266,10 +265,6 @@ def _draw_gusts(gusts, world, lane, task, rng):
 
 @inlined
 def _gusts(eta, noise, rng):
-    """Two normal pushes around eta; Marsaglia's polar method."""
-    x, y, square = 0.0, 0.0, 0.0
-    while square == 0.0 or square >= 1.0:
-        x, y = 2 * unit(rng) - 1, 2 * unit(rng) - 1
-        square = x * x + y * y
-    scale = noise * math.sqrt(-2 * math.log(square) / square)
-    return eta + scale * x, eta + scale * y
+    """Two normal pushes around eta."""
+    one, other = two_normals(noise, rng)
+    return eta + one, eta + other
