@@ -62,7 +62,7 @@ class ContinuousFamily(NeutralFamily):
     @property
     def label(self) -> str:
         """The name, with the options that are not at their default."""
-        usual = {"bins": self.usual_bins}
+        usual = self._usual()
         told = [
             f"{field.name.replace('_', '-')}-{value}"
             for field in options(type(self))
@@ -177,6 +177,10 @@ class ContinuousFamily(NeutralFamily):
         paths.for_world(paths.guided, binned)(binned, start, _words(1)[0], horizon, lengths)
         either: Flags = solved | (lengths > 0)
         return either
+
+    def _usual(self) -> dict[str, Any]:
+        """What options are unless others are asked for, where None stands for that."""
+        return {"bins": self.usual_bins}
 
     def _corners(self) -> dict[str, Floats]:
         """The box's corners as a world's fields `low` and `high`."""

@@ -7,20 +7,18 @@ costs 1 + 400 d there; here it goes 1 / (1 + 400 d) as far, so that the same way
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 from qinit_cli.kernels.compiled import inlined
 from qinit_cli.kernels.continuous import end_at
 from qinit_cli.kernels.continuous_gridworld import arrived, moved, put
 from qinit_cli.kernels.parts import body
+from qinit_cli.kernels.puddles import puddle_depth
 from qinit_cli.kernels.worlds import GOAL, LOST, starts, steps
 
-# the middles of the puddles: from (0.1, 0.75) to (0.45, 0.75), and from (0.45, 0.4) to (0.45, 0.8)
-LEFT, RIGHT, LEVEL = 0.1, 0.45, 0.75
-ASIDE, BOTTOM, TOP = 0.45, 0.4, 0.8
-WIDTH = 0.1  # from its middle to its edge a puddle's depth falls from this to 0
 COST = 400.0  # of a step, for each unit of depth
+
+depth = inlined(puddle_depth)
 
 
 class PuddleSquare(NamedTuple):
@@ -37,14 +35,6 @@ class PuddleSquare(NamedTuple):
     low: Any  # f8 (2,)
     high: Any  # f8 (2,)
     observed: Any  # f8 (L, 2)
-
-
-@inlined
-def depth(x, y):
-    """How deep the puddles are at a point: the way from there to their edge; 0 outside."""
-    to_level = abs(y - LEVEL) if LEFT <= x <= RIGHT else _away(x - (LEFT if x < LEFT else RIGHT), y - LEVEL)
-    to_aside = abs(x - ASIDE) if BOTTOM <= y <= TOP else _away(x - ASIDE, y - (BOTTOM if y < BOTTOM else TOP))
-    return max(0.0, WIDTH - min(to_level, to_aside))
 
 
 @starts(PuddleSquare)
@@ -67,8 +57,3 @@ def _end_at(world, task, lane):
     if arrived(world, task, lane):
         return GOAL
     return LOST if world.drowns and depth(world.observed[lane, 0], world.observed[lane, 1]) > 0.0 else 0
-
-
-@inlined
-def _away(x, y):
-    return math.sqrt(x * x + y * y)
