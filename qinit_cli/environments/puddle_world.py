@@ -23,9 +23,9 @@ class PuddleWorld(SquareFamily):
     """The unit square with the two puddles of Sutton (1996), and a goal, a disc, that changes from task to task.
 
     Sutton's puddles cost 400 times their depth a step, besides the 1 that every step costs. A reward at the goal alone knows no
-    costs but time: with `--puddles slow` a step that begins at depth d goes 1 / (1 + 400 d) as far, noise included, so that the
-    same way costs what it costs there; with `--puddles lost` an episode that enters a puddle is lost. Targets start at (0.2, 0.4),
-    as in Degris, White and Sutton (2012).
+    costs but time: with `--puddles slow` a step that begins at depth d goes 1 / (1 + 400 d) as far, noise included, so that a
+    way through costs as much; with `--puddles lost` an episode that enters a puddle is lost. Targets start at (0.2, 0.4), as in
+    Degris, White and Sutton (2012).
     """
 
     puddles: Literal["slow", "lost"] = option(

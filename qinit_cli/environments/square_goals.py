@@ -96,7 +96,8 @@ class SquareFamily(ContinuousFamily):
         across, along = (max(1, POINTS // count) for count in self.bin_counts)
         fine = np.array(self._chances(columns * across, rows * along))
         chances: Floats = fine.reshape(columns, across, rows, along).sum(axis=(1, 3)).ravel()
-        return chances / chances.sum()
+        chances /= chances.sum()
+        return chances
 
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
         """Whether a way along the axes to the goal fits into the horizon, (B,), noise apart; nothing cuts the square in two."""
@@ -147,7 +148,7 @@ class SquareFamily(ContinuousFamily):
 
     def _drawn(self, rng: np.random.Generator) -> tuple[float, float]:
         """A goal that may be anywhere."""
-        if self.goals == "uniform":
+        if self.mean is None or self.std is None:  # uniform
             return float(rng.random()), float(rng.random())
         return float(rng.normal(self.mean, self.std)), float(rng.normal(self.mean, self.std))
 
