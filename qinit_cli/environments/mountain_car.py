@@ -106,7 +106,7 @@ class MountainCar(DrawnFamily):
         )
 
     def box(self) -> tuple[tuple[str, float, float], ...]:
-        """Name, least and largest value of each dimension of the continuous state."""
+        """Name, low and high of each dimension of the continuous state."""
         return ("position", *POSITIONS), ("velocity", *VELOCITIES)
 
     def target_state(self) -> tuple[float, ...]:

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.arrays import Integers
-from qinit_cli.kernels.compiled import inlined
+from qinit_cli.kernels.compiled import inlined, unkept_inlined
+from qinit_cli.kernels.continuous import coordinate
 from qinit_cli.kernels.exploration import choose, choose_wide
 from qinit_cli.kernels.lane import (
     BLOCK,
@@ -43,7 +44,6 @@ from qinit_cli.kernels.worlds import (
     CUT,
     LOST,
     beside,
-    coordinate,
     move,
     moves_at_once,
     prepare,
@@ -153,14 +153,14 @@ class TiledWorlds:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, TiledWorld]:
         """The compiled loop and the world it takes."""
-        world = self.world(lanes)
+        world = self.world(lanes, learning.horizon)
         return compiled_loop(learning, TiledWorld, type(world.inner)), world
 
-    def world(self, lanes: int) -> TiledWorld:
-        """The world in that many lanes."""
+    def world(self, lanes: int, horizon: int) -> TiledWorld:
+        """The world in that many lanes, whose episodes are cut off at the horizon."""
         coding, width = self.coding, -(-self.actions // WIDTH) * WIDTH
         return TiledWorld(
-            inner=self.inner.continuous(lanes),
+            inner=self.inner.continuous(lanes, horizon),
             low=np.array(coding.low),
             scale=coding.scales(),
             top=float(np.nextafter(coding.tiles, 0.0)),
@@ -193,14 +193,14 @@ def tile_memory(world: TiledWorld, tiles: int, actions: int, shaped: bool) -> Ti
     return TileMemory(*arrays) if actions <= FEW else WideTileMemory(*arrays, width)
 
 
-@starts(TiledWorld)
+@starts(TiledWorld, around=True)
 def _start(world, task, lane, rng, anywhere):
     start_of(world.inner, task, lane, rng, anywhere)
     _note_tiles(world, lane, 0)
     return 0
 
 
-@steps(TiledWorld, cuts=True)
+@steps(TiledWorld, cuts=True, around=True)
 def _step(world, task, lane, state, action, uniform, rng):
     code = step_of(world.inner, task, lane, 0, action, uniform, rng)
     slot = 1 - state
@@ -210,7 +210,7 @@ def _step(world, task, lane, state, action, uniform, rng):
     return CUT - slot if code < LOST else code
 
 
-@inlined
+@unkept_inlined
 def _note_tiles(world, lane, slot):
     """Writes the active tiles of the lane's state into the slot."""
     active = world.active[lane, slot]
