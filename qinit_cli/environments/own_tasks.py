@@ -5,17 +5,23 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from hashlib import sha256
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import TableFamily
 from qinit_cli.environments.family import Role
 from qinit_cli.environments.taken_names import OF_STATES
-from qinit_cli.environments.task_ranges import FOLD, FORMS, picked, written
+from qinit_cli.environments.task_ranges import (
+    FORMS,
+    LONGEST_NAMED,
+    held_out,
+    in_name,
+    kept,
+    named,
+    others,
+    picked,
+)
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
@@ -33,7 +39,6 @@ if TYPE_CHECKING:
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
 TASK = "file_task"  # the column that tells which task of the file each is
 SHA256 = re.compile("[0-9a-f]{64}")
-LONGEST_NAMED = 60  # characters of a file or of what is used of it, in an artefact's name
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
 
@@ -122,7 +127,7 @@ class OwnTasks(TableFamily):
             if (text := getattr(self, name)) is not None:
                 if not isinstance(text, str):
                     raise ValueError(f"{name} is {text!r}, no text")
-                _named(f"--{name}", text, self.count)
+                named(f"--{name}", text, self.count)
 
     def opened(self) -> Self:
         """The family with what its file tells; UsageError or NotAllowed where it is missing, cannot be read or was changed."""
@@ -147,7 +152,7 @@ class OwnTasks(TableFamily):
             raise UsageError(f"--use {error}") from error
         return replace(
             self,
-            use=self.use if self.use and FOLD.fullmatch(self.use) else written(use),
+            use=kept(self.use or "", use),
             axes_=axes,
             actions_=actions,
             reward=_reward(self.reward, there, self.file),
@@ -161,40 +166,17 @@ class OwnTasks(TableFamily):
 
         UsageError where they cannot be, or where a target is a source too, by its number or its table, unless that is allowed.
         """
-        there = self._there()
-        try:
-            held = picked(targets, self.count, there.splits) if targets is not None else self._rest()
-        except ValueError as error:
-            raise UsageError(f"--targets {error}") from error
-        if not held:
-            raise UsageError(
-                f"all {self.count} tasks of {self.file} are sources; give --targets A:B with --allow-overlap, or fewer to --use"
-            )
-        if not allow_overlap:
-            self._check_apart(held, there)
-        return replace(self, targets=written(held))
-
-    def _check_apart(self, held: Sequence[int], there: OwnTaskSet) -> None:
-        """UsageError where one of the targets is a source too."""
-        rewards = self.reward == "native"
-        sources = {there.tasks[task].digest(rewards=rewards): task for task in self._use}
-        for task in held:
-            if (source := sources.get(there.tasks[task].digest(rewards=rewards))) is not None:
-                same = (
-                    f"task {task}" if task == source else f"task {task} and task {source}, which are equal,"
-                )
-                raise UsageError(
-                    f"{same} of {self.file} would be source and target; leave it out of one of them, or give --allow-overlap"
-                )
+        there, rewards = self._there(), self.reward == "native"
+        content = None if allow_overlap else lambda task: there.tasks[task].digest(rewards=rewards)
+        held = held_out(targets, self._use, self.count, there.splits, self.file, content)
+        return replace(self, targets=held)
 
     @property
     def label(self) -> str:
         """The file's name and the sources' numbers."""
-        use = self.use or "all"
-        if len(use) > LONGEST_NAMED:  # a file's name has 255 characters at most
-            use = f"{len(self._use)}-of-{self.count}-{sha256(use.encode()).hexdigest()[:8]}"
-        named = as_name(f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
-        return f"{self.name}-{named.strip('-.')}{in_label(self.reward or 'goal')}"
+        use = in_name(self.use, f"{len(self._use)}-of-{self.count}") if self.use else "all"
+        told = as_name(f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
+        return f"{self.name}-{told.strip('-.')}{in_label(self.reward or 'goal')}"
 
     @property
     def actions(self) -> tuple[str, ...]:  # type: ignore[override]  # of the file
@@ -312,14 +294,13 @@ class OwnTasks(TableFamily):
 
     @property
     def _use(self) -> tuple[int, ...]:
-        return _named("--use", self.use or "", self.count)
+        return named("--use", self.use or "", self.count)
 
     @property
     def _held(self) -> tuple[int, ...]:
-        return self._rest() if self.targets is None else _named("--targets", self.targets, self.count)
-
-    def _rest(self) -> tuple[int, ...]:
-        return _others(self._use, self.count)
+        if self.targets is None:
+            return others(self._use, self.count)
+        return named("--targets", self.targets, self.count)
 
     def _of(self, tasks: Tasks) -> list[OwnTask]:
         there = self._there().tasks
@@ -354,22 +335,6 @@ def axis_lengths(text: str) -> dict[str, int]:
             f"--axes has the name {taken[0]}, which artefacts use for something else; give that axis another name"
         )
     return sizes
-
-
-@lru_cache(maxsize=64)  # each task asks
-def _named(named: str, text: str, count: int) -> tuple[int, ...]:
-    """The tasks that a stored text means; ValueError where it means none."""
-    try:
-        return tuple(picked(text, count))
-    except ValueError as error:
-        raise ValueError(f"{named} {error}") from error
-
-
-@lru_cache(maxsize=64)
-def _others(tasks: tuple[int, ...], count: int) -> tuple[int, ...]:
-    """The tasks that are none of these."""
-    there = set(tasks)
-    return tuple(task for task in range(count) if task not in there)
 
 
 def _reward(asked: NativeReward | None, there: OwnTaskSet, file: str) -> NativeReward:
