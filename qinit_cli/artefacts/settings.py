@@ -75,7 +75,7 @@ LEFT_OUT = (
     "map",
     "goals_per_task",
     "slip_per",
-)  # not stored at their defaults, as before families had these options
+)  # not stored at their defaults, as before families had these options; a family may have more, as its `left_out`
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
@@ -91,7 +91,8 @@ class StoredFamily:
     def of(cls, family: Family) -> Self:
         """The family, to be stored."""
         told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
-        usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in LEFT_OUT}  # type: ignore[arg-type]  # as above
+        left_out = (*LEFT_OUT, *getattr(family, "left_out", ()))
+        usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in left_out}  # type: ignore[arg-type]  # as above
         kept = {key: value for key, value in told.items() if key not in usual or value != usual[key]}
         return cls(family.name, kept, family)
 

@@ -14,6 +14,7 @@ from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, 
 from qinit_cli.commands.typer_commands import add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.gym import Gym
+from qinit_cli.environments.own_tasks import OwnTasks
 from qinit_cli.pipeline.asked import ALL, LearningSources
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, plain
@@ -40,18 +41,22 @@ def _add(families: typer.Typer, name: str, family: type[Family]) -> None:
             "machine": MACHINE,
             "display": DISPLAY,
         },
-        imports=IMPORTS if issubclass(family, Gym) else None,
+        imports=IMPORTS if issubclass(family, Gym | OwnTasks) else None,
         help=family.__doc__ or "",
     )
 
 
 def _defaults(family: type[Family]) -> dict[str, str]:
-    learning = family.source_learning
     names = ("episodes", "horizon", "alpha", "gamma", "epsilon", "start")
-    return {
-        "tasks": str(family.source_tasks or ALL),
-        **{name: str(getattr(learning, name)) for name in names},
-    }
+    usual = {name: str(getattr(family.source_learning, name)) for name in names}
+    if issubclass(family, OwnTasks):
+        others = {name: str(getattr(Gym.source_learning, name)) for name in names}
+        usual |= {
+            name: f"{usual[name]}, with --env {value}"
+            for name, value in others.items()
+            if value != usual[name]
+        }
+    return {"tasks": str(family.source_tasks or ALL), **usual}
 
 
 def train_sources(
