@@ -14,7 +14,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.folds import OF_FILES
 from qinit_cli.environments.imported import ImportedTables
+from qinit_cli.environments.task_ranges import FOLD, folds_of
 from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
@@ -106,6 +108,19 @@ class StoredFamily:
     def spec(self) -> dict[str, Any]:
         """As the store keeps it."""
         return {"name": self.name, **self.options}
+
+    def distribution(self) -> dict[str, Any]:
+        """As the store keeps it, but for what names the targets, and which of the folds of a file is left out."""
+        fields = () if self.here is None else dataclasses.fields(self.here)  # type: ignore[arg-type]  # a dataclass
+        named = {field.name for field in fields if not field.compare}
+        told = {key: value for key, value in self.spec().items() if key not in named}
+        return told | ({"use": folds_of(self.fold)} if self.fold else {})
+
+    @property
+    def fold(self) -> str:
+        """The fold of its file that is left out, as "fold:2/5"; empty where tasks are not cut into folds."""
+        use = self.options.get("use") if isinstance(self.here, OF_FILES) else None
+        return use if use and FOLD.fullmatch(use) else ""
 
     @property
     def label(self) -> str:

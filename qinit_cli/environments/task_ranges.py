@@ -50,6 +50,11 @@ def kept(use: str, tasks: Sequence[int]) -> str:
     return use if FOLD.fullmatch(use) else written(tasks)
 
 
+def folds_of(use: str) -> str:
+    """The folds of which one is left out, whichever it is: "5 folds" of "fold:2/5"."""
+    return f"{use.rpartition('/')[2]} folds"
+
+
 def in_name(use: str, told: str) -> str:
     """What is used of a file, in an artefact's name; where that is long, what is `told` of it and a hash."""
     return use if len(use) <= LONGEST_NAMED else f"{told}-{sha256(use.encode()).hexdigest()[:8]}"

@@ -134,3 +134,29 @@ def test_failed_tasks_of_one_fold_leave_the_others_to_be_learned(
     ended = run_here(["train-sources", "tasks", file, "--folds", "3", "--learner", "exact", "--jobs", "1"])
     assert ended.code == 3
     assert any("fold-2-3" in line for line in ended.out.splitlines())
+
+
+def test_folds_of_one_size_are_compared_as_source_sets_and_others_by_themselves(
+    file: str, here: Callable[..., Ended]
+) -> None:
+    sources = here("train-sources", "tasks", file, "--folds", FOLDS, "--learner", "exact")
+    fits = here("fit", "-", stdin=sources.out)
+    runs = {
+        name: here("transfer", name, "-", "--episodes", 5, stdin=fits.out)
+        for name in ("zero", "ucoi", "mean")
+    }
+    told = here("compare", "-", "--json", stdin="".join(ended.out for ended in runs.values())).json
+    sets = {row["method"]: row for row in told["rows"] if row["sets"] == 2}
+    assert "tasks-mdps-3-folds-reward-native, 2 source sets, 2 targets of each" in {
+        row["targets"].replace("4 sources, ", "").replace("5 sources, ", "").rpartition(", ")[0]
+        for row in sets.values()
+    }
+    means = {
+        name: np.mean([qinit.open(path).returns() for path in paths(ended)[1:]])  # type: ignore[attr-defined]
+        for name, ended in runs.items()
+    }
+    for name, mean in means.items():
+        assert sets[name]["return"] == pytest.approx(mean)
+        assert sets[name]["difference"] == (None if name == "zero" else pytest.approx(mean - means["zero"]))
+    assert "folds have sources in common" in " ".join(each["over"] for each in told["intervals"])
+    assert {row["sets"] for row in told["rows"] if "fold-1-3" in row["targets"]} == {1}
