@@ -659,6 +659,14 @@ def _learners(settings: Settings) -> set[str]:
     return {learning.learner.name for learning in several}
 
 
+def without_range(spec: Spec) -> dict[str, Any]:
+    """The settings of sources but for how many there are and which tasks of a file they are."""
+    kept = {name: value for name, value in spec.items() if name != "tasks"}
+    if isinstance(family := spec.get("family"), Mapping):
+        kept["family"] = {name: value for name, value in family.items() if name != "use"}
+    return kept
+
+
 def outdated(settings: Settings) -> list[str]:
     """A warning where an earlier version learned these tasks, or the sources behind them, otherwise; else none."""
     told = settings.sources

@@ -52,7 +52,7 @@ def test_a_pipeline_carries_every_fold_to_the_tasks_that_it_left_out(
 def test_a_fold_is_the_artefact_that_use_makes(file: str, here: Callable[..., Ended]) -> None:
     learn = ("train-sources", "tasks", file, "--episodes", 20)
     together = paths(here(*learn, f"--folds={FOLDS}"))
-    alone = [here(*learn, "--use", f"fold:{fold}/{FOLDS}", "--store", "alone").path for fold in (1, 2, 3)]
+    alone = [here(*learn, "--use", f"fold:{fold}/{FOLDS}", "--store", f"{fold}").path for fold in (1, 2, 3)]
     assert [Path(path).name for path in together] == [path.name for path in alone]
     assert [qinit.open(path).digest for path in together] == [qinit.open(path).digest for path in alone]
     family = qinit.families.tasks(file=file)
@@ -60,6 +60,31 @@ def test_a_fold_is_the_artefact_that_use_makes(file: str, here: Callable[..., En
     assert [one.digest for one in held] == [qinit.open(path).digest for path in alone]
     command = json.loads(here("show", together[1], "--json").out)["provenance"]["command"]
     assert command.endswith(f"--use fold:2/{FOLDS}")
+
+
+@pytest.mark.parametrize(
+    ("options", "taken"),
+    [
+        (("--learner", "exact"), [0, 2, 5]),  # each task is solved once
+        (
+            ("--episodes", 20),
+            [0, 2, 3],
+        ),  # by its streams: 1 and 3 of the first fold, 0, 2 and 4 of the second
+        (("--episodes", 20, "--alpha", 0.2, "--use", "6:7,0:1"), [0]),
+    ],
+)
+def test_a_task_that_another_fold_has_is_not_learned_again(
+    file: str, here: Callable[..., Ended], options: tuple[Any, ...], taken: list[int]
+) -> None:
+    here("train-sources", "tasks", file, "--use", "6:7", "--episodes", 20)  # at another place than in folds
+    cut = () if "--use" in options else ("--folds", FOLDS)
+    together = here("train-sources", "tasks", file, *cut, *options, "--json")
+    made = [json.loads(line) for line in together.out.splitlines()]
+    assert [one["skipped"] for one in made] == taken
+    for fold, one in enumerate(made, 1):
+        use = () if "--use" in options else ("--use", f"fold:{fold}/{FOLDS}")
+        alone = here("train-sources", "tasks", file, *use, *options, "--store", f"alone-{fold}", "--json")
+        assert (alone.json["skipped"], alone.json["digest"]) == (0, one["digest"])
 
 
 def test_folds_of_rows_are_those_of_the_family_gym(file: str, here: Callable[..., Ended]) -> None:
