@@ -28,7 +28,7 @@ from qinit_cli.environments.taken_names import FILE_TASK
 from qinit_cli.environments.task_ranges import FORMS, in_name
 from qinit_cli.environments.variation import Variation, setting, stored
 from qinit_cli.environments.varied_values import FileRows
-from qinit_cli.errors import NotAllowed
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import NativeReward, Payment, ReturnBounds, check_discount, in_label
@@ -288,6 +288,14 @@ class Gym(TableFamily):
         """The task at that index of sources or targets: a value for all that is varied, behind its row where rows are named."""
         drawn = tuple(each.draw(rng, index, role) for each in self._variations)
         return (self._files[0].of(role)[index], *drawn) if self._chosen else drawn
+
+    @property
+    def present(self) -> bool:
+        """Whether the files that tasks are varied by are there, unchanged."""
+        try:
+            return all(each.rows.count for each in self._files)
+        except (NotAllowed, UsageError):
+            return False
 
     def holding_out(self, targets: str | None, *, allow_overlap: bool) -> Self:
         """The family with these rows as targets, without any named those that are no sources where sources are named.

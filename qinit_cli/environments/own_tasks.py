@@ -27,6 +27,7 @@ from qinit_cli.environments.task_ranges import (
     others,
     picked,
 )
+from qinit_cli.environments.variation import NAME
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, flag, option
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
 SHA256 = re.compile("[0-9a-f]{64}")
+ARCHIVE = ".npz"  # of tables
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
 
@@ -201,11 +203,19 @@ class OwnTasks(TableFamily):
 
     def _varied(self, env_id: str) -> Gym:
         """The environment varied by all columns of the file; contexts as a whole where it takes those. UsageError."""
-        rows = read_rows(self.file)
-        names = [name for name in rows.columns if name != SPLIT]
+        if PurePath(self.file).suffix == ARCHIVE or os.path.isdir(self.file):
+            raise UsageError(
+                f"--env {env_id} takes rows, and {self.file} has tables or maps; name a CSV, .jsonl or .json, or leave --env out"
+            )
+        names = [name for name in read_rows(self.file).columns if name != SPLIT]
         if PurePath(self.file).suffix == CONTEXTS_FILE:
             whole = takes(env_id, CONTEXTS)
             names = [name for name in names if (name == CONTEXTS) == whole]
+        if odd := [name for name in names if not NAME.fullmatch(name)]:
+            raise UsageError(
+                f"{self.file} has a column {odd[0]!r}, which is no argument's name; take it out, or vary the others alone by "
+                f"qinit train-sources gym {env_id} --vary NAME=file:{self.file}"
+            )
         try:
             return Gym(
                 env_id,

@@ -135,6 +135,20 @@ def test_shifted_targets_are_no_rows_of_the_sources_file(ice: str) -> None:
         opened(ice, use="0:3").shifted({"use": "3:4"})
 
 
+def test_an_artefact_is_shown_and_fitted_without_its_file_and_nothing_is_learned(
+    ice: str, here: Callable[..., Ended]
+) -> None:
+    made = here("train-sources", "tasks", ice, *LAKE, "--use", "0:3", "--learner", "exact", "-o", "s.h5")
+    assert made.code == 0, made.err
+    before = here("show", "s.h5", "--json").json["numbers"]
+    Path(ice).unlink()
+    without = here("show", "s.h5", "--json").json["numbers"]
+    assert without == {key: before[key] for key in without}
+    assert here("fit", "s.h5", "-o", "f.h5").code == 0
+    refused = here("transfer", "mean", "f.h5", "--targets", "3:5")
+    assert (refused.code, "ice.jsonl cannot be read" in refused.err) == (2, True)
+
+
 class Contexts(gymnasium.Env[int, int]):
     """An environment that takes contexts as CARL's do."""
 
@@ -165,6 +179,9 @@ def test_contexts_are_handed_whole_to_what_takes_them_and_by_feature_to_others(i
         (("tasks", "ice.jsonl", *LAKE, "--set", "success_rate=1"), 2, "success_rate is varied or set twice"),
         (("tasks", "gone.jsonl", *LAKE), 2, "gone.jsonl cannot be read"),
         (("tasks", "colours.csv", *LAKE), 2, "FrozenLake-v1 has no colour"),
+        (("tasks", "odd.csv", *LAKE), 2, "odd.csv has a column 'bad name', which is no argument's name"),
+        (("tasks", "mdps.npz", *LAKE), 2, "takes rows, and mdps.npz has tables or maps"),
+        (("tasks", ".", *LAKE), 2, "takes rows, and . has tables or maps"),
         (("gym", LAKE[1], "--use", "0:2"), 2, "nothing is varied by one"),
         (
             ("gym", LAKE[1], "--vary", "success_rate=file:ice.jsonl"),
@@ -182,6 +199,7 @@ def test_what_cannot_be_meant_is_refused_in_a_sentence(
     ice: str, here: Callable[..., Ended], words: tuple[Any, ...], code: int, told: str
 ) -> None:
     Path("colours.csv").write_text("colour\nred\nblue\n")
+    Path("odd.csv").write_text("success_rate,bad name\n0.5,1\n")
     Path("maps.csv").write_text("map_name\n4x4\n8x8\n")
     ended = here("train-sources", *words)
     assert ended.code == code
