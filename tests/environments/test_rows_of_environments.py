@@ -158,8 +158,11 @@ class Contexts(gymnasium.Env[int, int]):
         self.contexts = contexts
 
 
-def test_contexts_are_handed_whole_to_what_takes_them_and_by_feature_to_others(ice: str) -> None:
-    gymnasium.register("qinit-contexts-v0", Contexts)
+def test_contexts_are_handed_whole_to_what_takes_them_and_by_feature_to_others(
+    ice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = gymnasium.envs.registration.EnvSpec("qinit-contexts-v0", Contexts)
+    monkeypatch.setitem(gymnasium.registry, spec.id, spec)
     Path("all.json").write_text(json.dumps({"a": {"success_rate": 0.5}, "b": {"success_rate": 0.6}}))
     whole = OwnTasks(file="all.json", env="qinit-contexts-v0", goal="terminated").opened()
     assert [each.partition("@")[0] for each in whole.vary] == ["contexts=file:all.json"]  # type: ignore[attr-defined]
