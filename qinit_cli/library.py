@@ -38,6 +38,7 @@ from qinit_cli.comparison.scores import Metric
 from qinit_cli.comparison.table import plain_rows
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.family import task_count
+from qinit_cli.environments.folds import each_fold
 from qinit_cli.errors import NotAllowed, TasksFailed, UsageError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.importing import runs as imported_curves
@@ -263,6 +264,18 @@ def open(reference: str | os.PathLike[str], *, store: Where = "qinit-store") -> 
     source = _source(os.fspath(reference), store)
     with open_artefact(source) as artefact:
         return SAVED.get(artefact.kind, Saved)(source)
+
+
+def folds(family: Family, count: int) -> list[Family]:
+    """The family with all tasks of its file but one fold's as sources, for each of `count` folds (`--folds`).
+
+    Targets of `transfer` are then the tasks of the fold, unless others are named. UsageError for a family that draws its tasks.
+
+    >>> import qinit_cli as qinit
+    >>> [one.use for one in qinit.folds(qinit.families.tasks(file="mdps.npz"), 2)]
+    ['fold:1/2', 'fold:2/2']
+    """
+    return list(each_fold(family, count))
 
 
 def train_sources(

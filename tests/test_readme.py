@@ -73,12 +73,15 @@ def test_every_command_of_the_page_on_tasks_works(tmp_path: Path, ready: Ready) 
     (tmp_path / "bin").mkdir()
     ended = _run([*_blocks("sh", page)], tmp_path, tmp_path / "bin", ready)
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout.count("tasks-mdps-") >= 2
+    assert ended.stdout.count("tasks-mdps-5-folds-reward-native, 5 source sets, 4 targets of each") == 2
+    assert ended.stdout.count("gym-FrozenLake-v1-use-0-4-") == 1
     [block] = _blocks("python", page)
     there: dict[str, Any] = {}
     with contextlib.chdir(tmp_path):
         exec(block, there)  # in this process: importing everything would take longer
     assert there["run"]["file_task"].tolist() == [14, 15, 16, 17, 18, 19]
+    assert there["lakes"]["file_task"].tolist() == [0, 1, 2, 3]
+    assert {row["sets"] for row in there["rows"]} == {5}
 
 
 def test_the_readme_shows_commands() -> None:

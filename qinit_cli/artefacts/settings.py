@@ -14,7 +14,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
+from qinit_cli.environments.folds import OF_FILES
 from qinit_cli.environments.imported import ImportedTables
+from qinit_cli.environments.task_ranges import FOLD, folds_of
 from qinit_cli.environments.tiled import TiledFamily, Tiles
 from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
@@ -77,7 +79,7 @@ LEFT_OUT = (
     "map",
     "goals_per_task",
     "slip_per",
-)  # not stored at their defaults, as before families had these options
+)  # not stored at their defaults, as before families had these options; a family may have more, as its `left_out`
 REFUSALS = (ValueError, TypeError, OverflowError, QinitError)  # of a dataclass that cannot be so
 
 
@@ -96,7 +98,8 @@ class StoredFamily:
             inner = cls.of(family.family)
             return cls(inner.name, {**inner.options, TILES: asdict(family.cut)}, family)
         told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
-        usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in LEFT_OUT}  # type: ignore[arg-type]  # as above
+        left_out = (*LEFT_OUT, *getattr(family, "left_out", ()))
+        usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in left_out}  # type: ignore[arg-type]  # as above
         kept = {key: value for key, value in told.items() if key not in usual or value != usual[key]}
         return cls(family.name, kept, family)
 
@@ -114,6 +117,25 @@ class StoredFamily:
     def spec(self) -> dict[str, Any]:
         """As the store keeps it."""
         return {"name": self.name, **self.options}
+
+    def distribution(self) -> dict[str, Any]:
+        """As the store keeps it, but for what names the targets, and which of the folds of a file is left out."""
+        here = self._untiled
+        fields = () if here is None else dataclasses.fields(here)  # type: ignore[arg-type]  # a dataclass
+        named = {field.name for field in fields if not field.compare}
+        told = {key: value for key, value in self.spec().items() if key not in named}
+        return told | ({"use": folds_of(self.fold)} if self.fold else {})
+
+    @property
+    def fold(self) -> str:
+        """The fold of its file that is left out, as "fold:2/5"; empty where tasks are not cut into folds."""
+        use = self.options.get("use") if isinstance(self._untiled, OF_FILES) else None
+        return use if use and FOLD.fullmatch(use) else ""
+
+    @property
+    def _untiled(self) -> Family | None:
+        """The family whose options these are."""
+        return self.here.family if isinstance(self.here, TiledFamily) else self.here
 
     @property
     def tiled(self) -> bool:
@@ -660,6 +682,14 @@ def _learners(settings: Settings) -> set[str]:
         case _:
             several = []
     return {learning.learner.name for learning in several}
+
+
+def without_range(spec: Spec) -> dict[str, Any]:
+    """The settings of sources but for how many there are and which tasks of a file they are."""
+    kept = {name: value for name, value in spec.items() if name != "tasks"}
+    if isinstance(family := spec.get("family"), Mapping):
+        kept["family"] = {name: value for name, value in family.items() if name != "use"}
+    return kept
 
 
 def outdated(settings: Settings) -> list[str]:

@@ -21,6 +21,8 @@ from qinit_cli.fitted import FitOptions
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.pipeline.fitting import Asked
 
 
@@ -32,16 +34,29 @@ def add_to(app: typer.Typer) -> None:
         fit,
         {"fitting": Group(FitOptions, "Fit"), "output": OUTPUT, "one_pass": ONE_PASS, "display": DISPLAY},
         imports=IMPORTS,
-        references=(Reference("sources", "Sources: a path, a name in the store, or - for stdin."),),
+        references=(
+            Reference(
+                "sources", "Sources: a path, a name in the store, or - for stdin, which may name several."
+            ),
+        ),
         help="Fit the sources' values per state-action: moments, log-normal parameters, a library; prints the path.",
     )
 
 
 def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, display: Display) -> None:
-    """Fits the sources, publishes the fit and prints its path."""
+    """Fits the sources, publishes the fit and prints its path; several that stdin brings, each by itself."""
+    from qinit_cli.commands import references
+    from qinit_cli.commands.results import check_one_output, each
+
+    paths = references.many([sources], output.store, "scipy.special", output=output.output)
+    check_one_output(output, paths)
+    each(paths, lambda path: _fit(path, fitting, output, display, f"{path.stem}: " if paths[1:] else ""))
+
+
+def _fit(path: Path, fitting: FitOptions, output: Output, display: Display, told: str) -> None:
+    """Makes one fit; what is reported of it begins with what is `told`."""
     from qinit_cli.artefacts.fit_findings import findings
     from qinit_cli.artefacts.settings import outdated
-    from qinit_cli.commands import references
     from qinit_cli.commands.console import Printed
     from qinit_cli.commands.fit_statistics import lines
     from qinit_cli.commands.results import say_expected, say_result, warn
@@ -52,7 +67,6 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     from qinit_cli.pipeline.keeping import target_path
     from qinit_cli.rewards import SHARE, UNIT
 
-    path = references.one(sources, output.store, "scipy.special", output=output.output)
     if output.dry_run:
         asked = asked_of(path, fitting)
         target = target_path(output.keeping, asked.stem, asked.settings)
@@ -68,7 +82,7 @@ def fit(sources: str, fitting: FitOptions, output: Output, one_pass: OnePass, di
     sentence = "fit: already complete" if made.complete_before else _summary(arrays, asked, quantity)
     weak = of_fit(gamma, arrays, bounds)
     warn(made, "", [*outdated(asked.settings), *weak], display)
-    say_result(made, "qinit.fit/1", sentence, output, display, further=lines(found, quantity))
+    say_result(made, "qinit.fit/1", told + sentence, output, display, further=lines(found, quantity))
 
 
 def _summary(arrays: dict[str, Any], asked: Asked, quantity: str) -> str:

@@ -26,6 +26,7 @@ OF_ONE_CALL = {
     "import_",
     "json",
     "shard",
+    "folds",
     "to",
     "what",
     "title",

@@ -3,18 +3,42 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import Display, Output
-from qinit_cli.errors import TasksFailed
+from qinit_cli.errors import TasksFailed, UsageError
 from qinit_store.wording import counted, magnitude, plain
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.estimate import Expected
     from qinit_cli.pipeline.job import Made
+
+Each = TypeVar("Each")
+
+
+def each(several: Sequence[Each], once: Callable[[Each], None], *, fail_fast: bool = False) -> None:
+    """Calls `once` with each; TasksFailed, when all had their turn or at the first with `fail_fast`, where tasks failed."""
+    failures: list[TasksFailed] = []
+    for one in several:
+        try:
+            once(one)
+        except TasksFailed as failed:
+            failures.append(failed)
+            if fail_fast:
+                break
+    if failures:
+        raise TasksFailed("; ".join(map(str, failures)))
+
+
+def check_one_output(output: Output, several: Sequence[object]) -> None:
+    """UsageError where one file is to hold what is made of each of several."""
+    if output.output is not None and len(several) > 1:
+        raise UsageError(
+            f"-o {output.output} names one artefact, and {len(several)} are to be made; leave it out, or give --store DIR"
+        )
 
 
 def warn(made: Made, before: str, warnings: Iterable[str], display: Display) -> None:

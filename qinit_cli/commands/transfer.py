@@ -19,6 +19,8 @@ from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted, magnitude, noun, plain
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qinit_cli.fitted import FittedTables
     from qinit_cli.learning import Learning
     from qinit_cli.pipeline.job import Plan, Tally
@@ -75,7 +77,9 @@ def _add(targets: Group, methods: typer.Typer, name: str, method: type[Method]) 
             "display": DISPLAY,
         },
         imports=IMPORTS,
-        references=(Reference("fit", "A fit: a path, a name in the store, or - for stdin."),),
+        references=(
+            Reference("fit", "A fit: a path, a name in the store, or - for stdin, which may name several."),
+        ),
         help=method.__doc__ or "",
     )
 
@@ -111,9 +115,33 @@ def transfer(
     display: Display,
     tuned: Tuned = NOT_TUNED,
 ) -> None:
-    """Learns what is missing of the targets asked for, publishes the run and prints its path."""
-    from qinit_cli.artefacts.settings import outdated
+    """Learns what is missing of the targets asked for, publishes the run and prints its path; a run for each fit."""
     from qinit_cli.commands import references
+    from qinit_cli.commands.results import check_one_output, each
+
+    paths = references.many([fit], output.store, references.LEARNING, output=output.output)
+    check_one_output(output, paths)
+
+    def once(path: Path) -> None:
+        _transfer(
+            path, method, learning, output, machine, display, tuned, f"{path.stem}: " if paths[1:] else ""
+        )
+
+    each(paths, once, fail_fast=machine.fail_fast)
+
+
+def _transfer(
+    path: Path,
+    method: Method,
+    learning: LearningTargets,
+    output: Output,
+    machine: Machine,
+    display: Display,
+    tuned: Tuned,
+    told: str,
+) -> None:
+    """Makes one run; what is reported of it begins with what is `told`."""
+    from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands.results import say_expected, say_result, warn
     from qinit_cli.pipeline.degenerate import of_targets
     from qinit_cli.pipeline.estimate import expected
@@ -122,7 +150,7 @@ def transfer(
     from qinit_cli.pipeline.optimal_tables import initial_of
     from qinit_cli.pipeline.transfer import learned, plan_of, targets_of
 
-    known = Knowledge.read(references.one(fit, output.store, references.LEARNING, output=output.output))
+    known = Knowledge.read(path)
     method, choice = tuned.applied(method, output, known.family)
     targets, count = targets_of(method, learning, known.settings.sources)
     _say_overrides(targets.learning, known.settings.sources.learning, display)
@@ -149,7 +177,7 @@ def transfer(
     )
     already = f"{method.label}, {counted(made.tally.tasks, 'target')}: already complete"
     sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
-    say_result(made, "qinit.transfer/1", sentence, output, display)
+    say_result(made, "qinit.transfer/1", told + sentence, output, display)
 
 
 def _say_overrides(learning: Learning, sources: Learning, display: Display) -> None:

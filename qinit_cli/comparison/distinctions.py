@@ -151,7 +151,7 @@ def _said_already(key: str, words: Words) -> bool:
 def _of_sources(fitted: SourceSet, targets: StoredFamily) -> Words:
     """How the sources of a run were drawn, learned and fitted, and whether its `targets` are of their family."""
     within, own = f"{OF_SOURCES} {fitted.family.name}", fitted.family
-    unshifted = own.spec() == targets.spec()
+    unshifted = own.distribution() == targets.distribution()
     found: Words = {f"{within} family": "unshifted" if unshifted else f"sources of {own.label}"}
     shared = fitted.shared() | ({} if fitted.seed is None else {"seed": fitted.seed})
     for key, word in _learned(shared):

@@ -129,7 +129,7 @@ def _title(group: RunGroup, words: Words) -> str:
         for key, word in words.items()
         if key.startswith(OF_SOURCES) or key.partition(" ")[2] not in said
     }
-    label = with_words(group.any_run.settings.family.label, joined(others))
+    label = with_words(group.label, joined(others))
     told = f"{targets} {noun(targets, 'target')}"
     if not group.shared:
         return f"{label}, {group.sets} source sets, {told} of each, {counted}"
@@ -180,7 +180,8 @@ def _intervals(group: RunGroup) -> str:
     )
     single = any(len(entry.runs) == 1 for entry in group.entries)
     once = "; of what was run from one source set alone, over targets" if single else ""
-    return f"95 % bootstrap intervals over {over}{once}, uncorrected{few}"
+    folds = "; folds have sources in common, which these do not allow for" if group.of_folds else ""
+    return f"95 % bootstrap intervals over {over}{once}, uncorrected{few}{folds}"
 
 
 def _baseline(group: RunGroup, baseline: str) -> Entry | None:

@@ -99,7 +99,8 @@ class ComparedRun:
     @property
     def fitted(self) -> dict[str, Any]:
         """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
-        return self.settings.source_set.shared()
+        source_set = self.settings.source_set
+        return source_set.shared() | {"family": source_set.family.distribution()}
 
     def first(self, count: int) -> ComparedRun:
         """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""

@@ -1,7 +1,8 @@
 """Which runs may be compared: those of one distribution that met the same targets, from one source set or several.
 
 A source set is one set of sources, however fitted: fits of the same sources are other options of a method, and fits of
-sources from another distribution are no replicates. Several sets may share their targets (one transfer seed), or each may
+sources from another distribution are no replicates. The folds of a file are source sets, each with the fold left out as its
+targets. Several sets may share their targets (one transfer seed), or each may
 have its own; which of the two it is shows in the targets' digests and decides how intervals are made.
 """
 
@@ -25,7 +26,9 @@ from qinit_cli.comparison.distinctions import (
     with_words,
 )
 from qinit_cli.comparison.runs import ComparedRun
+from qinit_cli.environments.task_ranges import folds_of
 from qinit_cli.errors import NotAllowed
+from qinit_store.wording import as_name
 
 LEARNED = ("alpha", "epsilon", "learner", "explore")  # how targets are learned, not what they are
 VALUE_TOLERANCE = 1e-9  # of V*, which is solved to 1e-12 and summed in any order
@@ -81,6 +84,19 @@ class RunGroup:
     def any_run(self) -> ComparedRun:
         """A run; what groups have in common can be read from any."""
         return self.entries[0].runs[0]
+
+    @property
+    def of_folds(self) -> bool:
+        """Whether its source sets leave out a fold each, on whose tasks they are tried."""
+        return not self.shared and bool(self.any_run.settings.family.fold)
+
+    @property
+    def label(self) -> str:
+        """What the targets' family calls its distribution; of several folds not which of them is left out."""
+        family = self.any_run.settings.family
+        if not self.of_folds:
+            return family.label
+        return family.label.replace(as_name(family.fold), as_name(folds_of(family.fold)))
 
 
 def grouped(runs: Sequence[ComparedRun]) -> list[RunGroup]:
@@ -214,7 +230,7 @@ def _distribution(run: ComparedRun) -> tuple[str, str, tuple[int, ...]]:
     met = {
         name: value for name, value in plain_learning(run.settings.learning).items() if name not in LEARNED
     }
-    return _canonical(run.settings.family.spec()), _canonical(met), run.steps.shape
+    return _canonical(run.settings.family.distribution()), _canonical(met), run.steps.shape
 
 
 def _by(runs: Sequence[ComparedRun], key: Any) -> list[list[ComparedRun]]:

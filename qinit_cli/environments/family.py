@@ -85,7 +85,7 @@ class Family(Protocol):
         """The family with some fields changed; ValueError where tables of this family would not fit."""
         ...
 
-    def opened(self) -> Self:
+    def opened(self) -> Family:
         """The family once modules that it names are imported and files read; else itself. UsageError, NotAllowed if not."""
         ...
 

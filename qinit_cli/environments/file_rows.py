@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -16,16 +16,44 @@ LARGEST = 2**53  # whole numbers beyond it are not all told apart by a float
 ROLES: tuple[Role, ...] = ("source", "target")
 SPLIT = "split"  # a column of this name tells whose a row is
 JSON_LINES = (".jsonl", ".ndjson")
-CONTEXTS = ".json"
+CONTEXTS_FILE = ".json"
+OF_ROWS = (".csv", CONTEXTS_FILE, *JSON_LINES)
+CONTEXTS = "contexts"  # the column of whole contexts, by which CARL's environments take them
 
 
 @dataclass(frozen=True)
 class Rows:
     """What a file of tasks has."""
 
+    path: str
     columns: dict[str, tuple[Any, ...]]
-    of: dict[Role, tuple[int, ...]]  # the rows of sources, and those of targets
     digest: str  # SHA-256 of its bytes, in hexadecimal
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The label of each row in the column `split`; none without one."""
+        return tuple(map(str, self.columns.get(SPLIT, ())))
+
+    @cached_property
+    def of(self) -> dict[Role, tuple[int, ...]]:
+        """The rows of sources, and those of targets, by `split` or in turn; UsageError where a row is neither."""
+        whose = self._whose()
+        return {role: tuple(row for row, own in enumerate(whose) if own == role) for role in ROLES}
+
+    def _whose(self) -> tuple[Role, ...]:
+        if SPLIT not in self.columns:
+            return tuple("target" if row % 2 else "source" for row in range(self.count))
+        for row, whose in enumerate(self.columns[SPLIT]):
+            if whose not in ROLES:
+                raise UsageError(
+                    f"row {row} of {self.path} has the {SPLIT} {whose!r:.40}; write source or target, or choose rows by --use"
+                )
+        return self.columns[SPLIT]
 
 
 def read_rows(path: str) -> Rows:
@@ -48,7 +76,7 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
     content = Path(path).read_bytes()
     try:
         text = content.decode("utf-8-sig")
-        if PurePath(path).suffix == CONTEXTS:
+        if PurePath(path).suffix == CONTEXTS_FILE:
             rows = _contexts(json.loads(text))
         elif PurePath(path).suffix in JSON_LINES:
             rows = [json.loads(line) for line in text.splitlines() if line.strip()]
@@ -67,26 +95,17 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
         raise UsageError(f"{path} has no rows")
     if uneven := next((place for place, row in enumerate(rows) if row.keys() != rows[0].keys()), 0):
         raise UsageError(f"row {uneven} of {path} has other columns than row 0")
+    if not rows[0]:
+        raise UsageError(f"the rows of {path} are empty")
     columns = {key: tuple(row[key] for row in rows) for key in rows[0]}
-    whose = _whose(path, columns, len(rows))
-    of = {role: tuple(row for row, own in enumerate(whose) if own == role) for role in ROLES}
-    return Rows(columns, of, hashlib.sha256(content).hexdigest())
+    return Rows(path, columns, hashlib.sha256(content).hexdigest())
 
 
 def _contexts(told: Any) -> list[dict[str, Any]]:
     """A row for each context of {ID: {FEATURE: VALUE}}: its features, and `contexts`, itself by its id. ValueError."""
     if not (isinstance(told, dict) and all(isinstance(one, dict) for one in told.values())):
         raise ValueError("it is no object of objects")
-    return [{**features, "contexts": {key: features}} for key, features in told.items()]
-
-
-def _whose(path: str, columns: dict[str, tuple[Any, ...]], count: int) -> tuple[Role, ...]:
-    if SPLIT not in columns:
-        return tuple("target" if place % 2 else "source" for place in range(count))
-    for place, whose in enumerate(columns[SPLIT]):
-        if whose not in ROLES:
-            raise UsageError(f"row {place} of {path} has the {SPLIT} {whose!r:.40}; write source or target")
-    return columns[SPLIT]
+    return [{**features, CONTEXTS: {key: features}} for key, features in told.items()]
 
 
 def literal(text: str) -> Any:

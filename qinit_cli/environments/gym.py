@@ -10,20 +10,25 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
+from qinit_cli.environments.chosen_rows import sources_of, targets_of
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, paid_range, with_values
 from qinit_cli.environments.gym_making import made
+from qinit_cli.environments.gym_options import BINS, GOAL, RANGE, RETURNS, SET, STATE, WRAP
 from qinit_cli.environments.gym_recipe import KeywordArguments, Recipe
-from qinit_cli.environments.gym_spaces import DEFAULT_BINS, Seen, seen
+from qinit_cli.environments.gym_spaces import Seen, seen
 from qinit_cli.environments.gym_tables import SURVIVED, TERMINATED, TransitionTable, named, table, verdict
 from qinit_cli.environments.modules import import_factory, packages_of, with_module
+from qinit_cli.environments.taken_names import FILE_TASK
+from qinit_cli.environments.task_ranges import FORMS, in_name
 from qinit_cli.environments.variation import Variation, setting, stored
-from qinit_cli.errors import NotAllowed
+from qinit_cli.environments.varied_values import FileRows
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
 from qinit_cli.options import check, option
 from qinit_cli.rewards import NativeReward, Payment, ReturnBounds, check_discount, in_label
@@ -39,7 +44,7 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tables import Tables
     from qinit_store.schema import Axis, Column
 
-STATE = re.compile(r"[A-Za-z]\w*(,[A-Za-z]\w*)*")
+ATTRIBUTES = re.compile(r"[A-Za-z]\w*(,[A-Za-z]\w*)*")
 PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
 
 
@@ -61,58 +66,30 @@ class Gym(TableFamily):
         metavar="NAME=KIND:WHAT",
         default_text="nothing: all tasks are one",
     )
-    set: list[str] | None = option(
+    use: str | None = option(
         None,
-        "Such an argument or number, the same for all tasks; may be given several times.",
-        metavar="NAME=VALUE",
-        default_text="as the environment has it",
+        f"Which rows of the files that tasks are varied by are sources: {FORMS}, or a label of the column split.",
+        metavar="A:B",
+        default_text="those that split names, else every other one",
     )
-    bins: str | None = option(
-        None,
-        "Bins along each dimension of a Box: one number, or one for each dimension.",
-        metavar="N[,N...]",
-        default_text=str(DEFAULT_BINS),
-    )
-    range: list[str] | None = option(
-        None,
-        "What the bins of a dimension cover; needed where the environment has no bounds; may be given several times.",
-        metavar="DIM=LOW:HIGH",
-        default_text="the environment's bounds",
-    )
-    wrap: list[str] | None = option(
-        None,
-        "What is put around the environment: a function or class of a module that takes it and gives it back wrapped; may be "
-        "given several times, from the inside out.",
-        metavar="MODULE:FACTORY",
-        default_text="nothing",
-    )
-    state: str | None = option(
-        None,
-        "Attributes that are the state in the place of what the environment observes, such as agent_pos,agent_dir; --range "
-        "gives what each number covers.",
-        metavar="ATTRIBUTE[,...]",
-        default_text="what is observed",
-    )
-    goal: str | None = option(
-        None,
-        "Which end is the goal: terminated (every one), a rule such as reward>0 (of the last step), or survived "
-        "(the horizon is the goal, and every end a failure).",
-        metavar="RULE",
-        default_text="the ends that pay best, if there is a table; else it must be given",
-    )
+    set: list[str] | None = SET
+    bins: str | None = BINS
+    range: list[str] | None = RANGE
+    wrap: list[str] | None = WRAP
+    state: str | None = STATE
+    goal: str | None = GOAL
 
     reward: NativeReward = option(
         "goal",
         "Reward: goal, 1 on reaching the goal; step, -1 a step until the goal is reached; native, the environment's own.",
     )
-    returns: str | None = option(
-        None,
-        "The least and the largest discounted return with --reward native; needed where there is no table.",
-        metavar="LOW:HIGH",
-        default_text="from the rewards of the environment's table",
-    )
+    returns: str | None = RETURNS
+
+    # what a transfer adds; the distribution is the same
+    targets: str | None = field(default=None, compare=False)
 
     name: ClassVar[str] = "gym"
+    left_out: ClassVar[tuple[str, ...]] = ("use", "targets")
     algorithm: ClassVar[int] = 2  # 1 left wrappers out, and learned that an episode cut off is an end worth 0
     learned_anew: ClassVar[str] = (
         "its wrappers were left out, and an episode that was cut off counted as an end worth 0; the same commands, from "
@@ -140,7 +117,7 @@ class Gym(TableFamily):
             object.__setattr__(
                 self, "wrap", (self.wrap,) if isinstance(self.wrap, str) else tuple(self.wrap) or None
             )
-        if self.state is not None and not STATE.fullmatch(self.state):
+        if self.state is not None and not ATTRIBUTES.fullmatch(self.state):
             raise ValueError(
                 f"--state is {self.state}; write names of attributes, such as agent_pos,agent_dir"
             )
@@ -153,6 +130,8 @@ class Gym(TableFamily):
                     "leave it out or give --reward native"
                 )
             ReturnBounds.read(self.returns)
+        if not isinstance(self.targets, str | None):
+            raise ValueError(f"targets is {self.targets!r}, no text")
         names = [variation.name for variation in self._variations] + [name for name, _ in self._settings]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"{twice[0]} is varied or set twice")
@@ -164,7 +143,11 @@ class Gym(TableFamily):
         """The family once the modules that it names are imported, as its id was typed; UsageError if an import fails."""
         for wrap in self._texts("wrap"):
             import_factory(wrap)
-        return replace(self, env_id=with_module(self.env_id))._digested()
+        family = replace(self, env_id=with_module(self.env_id))._digested()
+        if self.use is not None:
+            return replace(family, use=sources_of(self.use, family._files))
+        family.available("source")  # refuses rows that are neither sources' nor targets'
+        return family
 
     def _digested(self) -> Self:
         """The family as it is stored, with the digests of the files that its tasks are drawn from."""
@@ -179,6 +162,7 @@ class Gym(TableFamily):
     def label(self) -> str:
         """What tells this distribution from its neighbours, for names of artefacts."""
         parts = [self.env_id, *(str(value) for _, value in self._settings)]
+        parts += [f"use-{in_name(self.use, 'rows')}"] if self.use else []
         parts += [each.label for each in self._variations]
         parts += [f"wrap-{each.rpartition(':')[2]}" for each in self._texts("wrap")]
         parts += [f"state-{self.state}"] if self.state else []
@@ -276,7 +260,8 @@ class Gym(TableFamily):
         """What a task is made of: what is varied."""
         from qinit_store.schema import Column
 
-        return tuple(
+        row = Column(FILE_TASK, ("task",), "<i4", "1", "number of the task in its file", low=0)
+        drawn = [
             Column(
                 each.column,
                 ("task",),
@@ -287,7 +272,8 @@ class Gym(TableFamily):
                 high=each.values.bounds[1],
             )
             for each in self._variations
-        )
+        ]
+        return (row, *drawn) if self._chosen else tuple(drawn)
 
     def draw(self, rng: np.random.Generator) -> tuple[float | int, ...]:
         """The first source task: a value for all that is varied."""
@@ -299,12 +285,34 @@ class Gym(TableFamily):
         return min(listed, default=None)
 
     def task(self, index: int, role: Role, rng: np.random.Generator) -> tuple[float | int, ...]:
-        """The task at that index of sources or targets: a value for all that is varied."""
-        return tuple(each.draw(rng, index, role) for each in self._variations)
+        """The task at that index of sources or targets: a value for all that is varied, behind its row where rows are named."""
+        drawn = tuple(each.draw(rng, index, role) for each in self._variations)
+        return (self._files[0].of(role)[index], *drawn) if self._chosen else drawn
+
+    @property
+    def present(self) -> bool:
+        """Whether the files that tasks are varied by are there, unchanged."""
+        try:
+            return all(each.rows.count for each in self._files)
+        except (NotAllowed, UsageError):
+            return False
+
+    def holding_out(self, targets: str | None, *, allow_overlap: bool) -> Self:
+        """The family with these rows as targets, without any named those that are no sources where sources are named.
+
+        UsageError where they cannot be, or where a target is a source too, by its row or its values, unless that is allowed.
+        """
+        files = self._files
+        if not files or (targets is None and self.use is None):
+            return super().holding_out(targets, allow_overlap=allow_overlap)
+        return replace(self, targets=targets_of(targets, files, allow_overlap=allow_overlap))
 
     def shifted(self, changes: dict[str, Any]) -> Self:
         """The family with some fields changed; ValueError where tables of this family would not fit."""
-        return super().shifted(changes)._digested()
+        if "use" in changes:
+            raise ValueError("use names the sources; choose other targets by --targets")
+        anew = {"use": None} if "vary" in changes else {}  # rows of another file, or of none
+        return super().shifted(changes | anew)._digested()
 
     def tables(self, tasks: Tasks) -> Tables:
         """Where the steps of each task lead; their rewards with `native` alone."""
@@ -464,7 +472,17 @@ class Gym(TableFamily):
 
     @property
     def _variations(self) -> tuple[Variation, ...]:
-        return tuple(map(Variation.read, self._texts("vary")))
+        return tuple(Variation.read(text).among(self.use, self.targets) for text in self._texts("vary"))
+
+    @property
+    def _files(self) -> list[FileRows]:
+        """The columns of files by which tasks are varied."""
+        return [each.values for each in self._variations if isinstance(each.values, FileRows)]
+
+    @property
+    def _chosen(self) -> bool:
+        """Whether sources or targets are rows that are named."""
+        return self.use is not None or self.targets is not None
 
     @property
     def _settings(self) -> KeywordArguments:

@@ -80,6 +80,24 @@ def made(recipe: Recipe) -> Any:
     return env
 
 
+def takes(env_id: str, name: str) -> bool:
+    """Whether the environment's constructor is known to take an argument of this name."""
+    with aside():
+        import gymnasium
+
+        try:
+            return name in arguments(_constructor(registered_id(env_id)))
+        except gymnasium.error.Error:  # there is no such environment, which making it reports
+            return False
+
+
+def _constructor(bare: str) -> Any:
+    import gymnasium
+
+    creator: Any = gymnasium.spec(bare).entry_point
+    return creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
+
+
 def _surrounded(env: Any, recipe: Recipe) -> Any:
     """The environment with what is put around it."""
     import gymnasium
@@ -104,8 +122,7 @@ def _constructed(env_id: str, bare: str, settings: KeywordArguments) -> tuple[An
     """The environment, the names that its constructor is known to take, and the settings that it was not given."""
     import gymnasium
 
-    creator: Any = gymnasium.spec(bare).entry_point
-    kind = creator if callable(creator) else gymnasium.envs.registration.load_env_creator(creator)
+    kind = _constructor(bare)
     known = arguments(kind)
     given = {name: value for name, value in settings if name in known}
     left = {name: value for name, value in settings if name not in known}

@@ -5,20 +5,32 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from hashlib import sha256
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import TableFamily
-from qinit_cli.environments.family import Role
-from qinit_cli.environments.taken_names import OF_STATES
-from qinit_cli.environments.task_ranges import FOLD, FORMS, picked, written
+from qinit_cli.environments.family import Family, Role
+from qinit_cli.environments.file_rows import CONTEXTS, CONTEXTS_FILE, OF_ROWS, SPLIT, read_rows
+from qinit_cli.environments.gym import Gym
+from qinit_cli.environments.gym_making import takes
+from qinit_cli.environments.gym_options import BINS, GOAL, NAMES, PANEL, RANGE, RETURNS, SET, STATE, WRAP
+from qinit_cli.environments.modules import with_module
+from qinit_cli.environments.taken_names import FILE_TASK, OF_STATES
+from qinit_cli.environments.task_ranges import (
+    FORMS,
+    LONGEST_NAMED,
+    held_out,
+    in_name,
+    kept,
+    named,
+    others,
+    picked,
+)
+from qinit_cli.environments.variation import NAME
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learning import Learning
-from qinit_cli.options import check, option
+from qinit_cli.options import check, flag, option
 from qinit_cli.rewards import NativeReward, PaidRange, Payment, in_label
 from qinit_store.wording import as_name, counted
 
@@ -31,27 +43,26 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column
 
 AXIS = re.compile(r"([a-z][a-z0-9_]{0,63})=([1-9]\d{0,7})")
-TASK = "file_task"  # the column that tells which task of the file each is
 SHA256 = re.compile("[0-9a-f]{64}")
-LONGEST_NAMED = 60  # characters of a file or of what is used of it, in an artefact's name
+ARCHIVE = ".npz"  # of tables
 MOST_STATES = 1 << 24  # of a table of transitions
 MOST_TASKS = 1_000_000  # of a file: what is stored of more would be a list too long to check
 
 
 @dataclass(frozen=True)
 class OwnTasks(TableFamily):
-    """Tasks of one's own: tables of transitions in an archive of arrays, or a folder of maps."""
+    """Tasks of one's own: tables of transitions, maps, or with --env rows of what an environment is made with."""
 
     file: str = option(
         "",
         "An .npz archive of P, or after and chance, or transitions and rewards; or a folder with an archive or a map (.txt) "
-        "for each task (docs/tasks.md).",
+        "for each task; with --env rows, as a CSV, .jsonl or .json (docs/tasks.md).",
         metavar="FILE",
         positional=True,
     )
     use: str | None = option(
         None,
-        f"Which tasks are sources: {FORMS} (all but the K-th of N folds), or a label of the archive's split.",
+        f"Which tasks are sources: {FORMS} (all but the K-th of N folds), or a label of the file's split.",
         metavar="A:B",
         default_text="all",
     )
@@ -69,9 +80,24 @@ class OwnTasks(TableFamily):
     )
     reward: NativeReward | None = option(
         None,
-        "Reward: goal, 1 on reaching the goal; step, -1 a step until the goal is reached; native, the file's own.",
+        "Reward: goal, 1 on reaching the goal; step, -1 a step until the goal is reached; native, the file's or the "
+        "environment's own.",
         default_text="native where the file has rewards, else goal",
     )
+    env: str | None = option(
+        None,
+        "The Gymnasium environment that each row of the file makes, as its arguments or numbers: an id, or MODULE:ID.",
+        metavar="ENV_ID",
+        default_text="none: the file holds tables or maps",
+        panel=PANEL,
+    )
+    set: list[str] | None = SET
+    bins: str | None = BINS
+    range: list[str] | None = RANGE
+    wrap: list[str] | None = WRAP
+    state: str | None = STATE
+    goal: str | None = GOAL
+    returns: str | None = RETURNS
     # what the file tells, once it was opened
     sha256: str = ""
     count: int = 0
@@ -80,6 +106,7 @@ class OwnTasks(TableFamily):
     targets: str | None = field(default=None, compare=False)
 
     name: ClassVar[str] = "tasks"
+    left_out: ClassVar[tuple[str, ...]] = ("env", *NAMES)  # what is stored of rows is the family gym
     source_tasks: ClassVar[int] = 0  # all that are named
     target_tasks: ClassVar[int] = 0
     source_learning: ClassVar[Learning] = Learning(
@@ -92,6 +119,7 @@ class OwnTasks(TableFamily):
         if not self.file:
             raise ValueError("a file of tasks is missing, such as mdps.npz")
         object.__setattr__(self, "file", PurePath(os.path.normpath(self.file)).as_posix())
+        self._check_environment()
         if self.axes_ is not None and math.prod(axis_lengths(self.axes_).values()) > MOST_STATES:
             raise ValueError(
                 f"--axes {self.axes_} are more states than the {MOST_STATES} that a table may have"
@@ -105,6 +133,14 @@ class OwnTasks(TableFamily):
             object.__setattr__(self, "actions_", ",".join(names))
         if self.sha256:
             self._check_opened()
+
+    def _check_environment(self) -> None:
+        """ValueError where options of an environment stand without one, or those of tables beside one."""
+        if self.env is None:
+            if idle := [name for name in NAMES if getattr(self, name)]:
+                raise ValueError(f"{flag(idle[0])} is of an environment; give --env ID too, or leave it out")
+        elif idle := [name for name in ("axes_", "actions_") if getattr(self, name) is not None]:
+            raise ValueError(f"{flag(idle[0])} is of tables, and {self.env} has its own; leave it out")
 
     def _check_opened(self) -> None:
         """ValueError where what was stored of an opened file cannot be."""
@@ -122,14 +158,23 @@ class OwnTasks(TableFamily):
             if (text := getattr(self, name)) is not None:
                 if not isinstance(text, str):
                     raise ValueError(f"{name} is {text!r}, no text")
-                _named(f"--{name}", text, self.count)
+                named(f"--{name}", text, self.count)
 
-    def opened(self) -> Self:
-        """The family with what its file tells; UsageError or NotAllowed where it is missing, cannot be read or was changed."""
+    def opened(self) -> Family:  # type: ignore[override]  # rows are of another family
+        """The family with what its file tells; with `env` the family gym, varied by the rows of the file.
+
+        UsageError or NotAllowed where the file is missing, cannot be read or was changed.
+        """
         from qinit_cli.task_files.reading import digest_of, tasks_in
 
+        if self.env is not None:
+            return self._varied(with_module(self.env)).opened()
         if self.sha256:
             return self
+        if PurePath(self.file).suffix in OF_ROWS:
+            raise UsageError(
+                f"{self.file} holds rows; give --env ID, the environment that each of them makes"
+            )
         digest = digest_of(Path(self.file))
         there = tasks_in(Path(self.file), digest)
         count, paid = len(there.tasks), there.paid
@@ -147,7 +192,7 @@ class OwnTasks(TableFamily):
             raise UsageError(f"--use {error}") from error
         return replace(
             self,
-            use=self.use if self.use and FOLD.fullmatch(self.use) else written(use),
+            use=kept(self.use or "", use),
             axes_=axes,
             actions_=actions,
             reward=_reward(self.reward, there, self.file),
@@ -156,45 +201,48 @@ class OwnTasks(TableFamily):
             paid=(*paid.going_on, *paid.ending),
         )
 
+    def _varied(self, env_id: str) -> Gym:
+        """The environment varied by all columns of the file; contexts as a whole where it takes those. UsageError."""
+        if PurePath(self.file).suffix == ARCHIVE or os.path.isdir(self.file):
+            raise UsageError(
+                f"--env {env_id} takes rows, and {self.file} has tables or maps; name a CSV, .jsonl or .json, or leave --env out"
+            )
+        names = [name for name in read_rows(self.file).columns if name != SPLIT]
+        if PurePath(self.file).suffix == CONTEXTS_FILE:
+            whole = takes(env_id, CONTEXTS)
+            names = [name for name in names if (name == CONTEXTS) == whole]
+        if odd := [name for name in names if not NAME.fullmatch(name)]:
+            raise UsageError(
+                f"{self.file} has a column {odd[0]!r}, which is no argument's name; take it out, or vary the others alone by "
+                f"qinit train-sources gym {env_id} --vary NAME=file:{self.file}"
+            )
+        try:
+            return Gym(
+                env_id,
+                vary=[f"{name}=file:{self.file}" for name in names],
+                use=":" if self.use is None else self.use,
+                reward=self.reward or "goal",
+                **{name: getattr(self, name) for name in NAMES},
+            )
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+
     def holding_out(self, targets: str | None, *, allow_overlap: bool) -> Self:
         """The family with these tasks as targets, without any named those that are no sources.
 
         UsageError where they cannot be, or where a target is a source too, by its number or its table, unless that is allowed.
         """
-        there = self._there()
-        try:
-            held = picked(targets, self.count, there.splits) if targets is not None else self._rest()
-        except ValueError as error:
-            raise UsageError(f"--targets {error}") from error
-        if not held:
-            raise UsageError(
-                f"all {self.count} tasks of {self.file} are sources; give --targets A:B with --allow-overlap, or fewer to --use"
-            )
-        if not allow_overlap:
-            self._check_apart(held, there)
-        return replace(self, targets=written(held))
-
-    def _check_apart(self, held: Sequence[int], there: OwnTaskSet) -> None:
-        """UsageError where one of the targets is a source too."""
-        rewards = self.reward == "native"
-        sources = {there.tasks[task].digest(rewards=rewards): task for task in self._use}
-        for task in held:
-            if (source := sources.get(there.tasks[task].digest(rewards=rewards))) is not None:
-                same = (
-                    f"task {task}" if task == source else f"task {task} and task {source}, which are equal,"
-                )
-                raise UsageError(
-                    f"{same} of {self.file} would be source and target; leave it out of one of them, or give --allow-overlap"
-                )
+        there, rewards = self._there(), self.reward == "native"
+        content = None if allow_overlap else lambda task: there.tasks[task].digest(rewards=rewards)
+        held = held_out(targets, self._use, self.count, there.splits, self.file, content)
+        return replace(self, targets=held)
 
     @property
     def label(self) -> str:
         """The file's name and the sources' numbers."""
-        use = self.use or "all"
-        if len(use) > LONGEST_NAMED:  # a file's name has 255 characters at most
-            use = f"{len(self._use)}-of-{self.count}-{sha256(use.encode()).hexdigest()[:8]}"
-        named = as_name(f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
-        return f"{self.name}-{named.strip('-.')}{in_label(self.reward or 'goal')}"
+        use = in_name(self.use, f"{len(self._use)}-of-{self.count}") if self.use else "all"
+        told = as_name(f"{PurePath(self.file).stem[:LONGEST_NAMED]}-{use}")
+        return f"{self.name}-{told.strip('-.')}{in_label(self.reward or 'goal')}"
 
     @property
     def actions(self) -> tuple[str, ...]:  # type: ignore[override]  # of the file
@@ -218,7 +266,7 @@ class OwnTasks(TableFamily):
 
         self._check_known()
         told = "number of the task in its file"
-        return (Column(TASK, ("task",), "<i4", "1", told, low=0, high=self.count - 1),)
+        return (Column(FILE_TASK, ("task",), "<i4", "1", told, low=0, high=self.count - 1),)
 
     def available(self, role: Role) -> int:
         """How many tasks are sources, or targets."""
@@ -312,18 +360,17 @@ class OwnTasks(TableFamily):
 
     @property
     def _use(self) -> tuple[int, ...]:
-        return _named("--use", self.use or "", self.count)
+        return named("--use", self.use or "", self.count)
 
     @property
     def _held(self) -> tuple[int, ...]:
-        return self._rest() if self.targets is None else _named("--targets", self.targets, self.count)
-
-    def _rest(self) -> tuple[int, ...]:
-        return _others(self._use, self.count)
+        if self.targets is None:
+            return others(self._use, self.count)
+        return named("--targets", self.targets, self.count)
 
     def _of(self, tasks: Tasks) -> list[OwnTask]:
         there = self._there().tasks
-        return [there[int(row)] for row in tasks[TASK]]
+        return [there[int(row)] for row in tasks[FILE_TASK]]
 
     def _without_goal(self, tasks: Tasks) -> Flags:
         import numpy as np
@@ -354,22 +401,6 @@ def axis_lengths(text: str) -> dict[str, int]:
             f"--axes has the name {taken[0]}, which artefacts use for something else; give that axis another name"
         )
     return sizes
-
-
-@lru_cache(maxsize=64)  # each task asks
-def _named(named: str, text: str, count: int) -> tuple[int, ...]:
-    """The tasks that a stored text means; ValueError where it means none."""
-    try:
-        return tuple(picked(text, count))
-    except ValueError as error:
-        raise ValueError(f"{named} {error}") from error
-
-
-@lru_cache(maxsize=64)
-def _others(tasks: tuple[int, ...], count: int) -> tuple[int, ...]:
-    """The tasks that are none of these."""
-    there = set(tasks)
-    return tuple(task for task in range(count) if task not in there)
 
 
 def _reward(asked: NativeReward | None, there: OwnTaskSet, file: str) -> NativeReward:

@@ -96,4 +96,5 @@ OF_FITS = frozenset(
         "value_mean",
     ]
 )
-OF_STATES = OF_TASKS | OF_FITS | {"file_task"}  # that no state axis may have
+FILE_TASK = "file_task"  # the column that tells which task of its file each is
+OF_STATES = OF_TASKS | OF_FITS | {FILE_TASK}  # that no state axis may have

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import lru_cache
+from hashlib import sha256
 from itertools import groupby, pairwise
+
+from qinit_cli.errors import UsageError
 
 RANGE = re.compile(r"(\d{1,9})?:(\d{1,9})?")
 FOLD = re.compile(r"fold:(\d{1,9})/(\d{1,9})")
+LONGEST_NAMED = 60  # characters of what is used of a file, in an artefact's name
 FORMS = "A:B (from task A up to, not including, B, counted from 0), several as A:B,C:D, or fold:K/N"
 
 
@@ -38,6 +43,73 @@ def written(tasks: Iterable[int]) -> str:
     runs = groupby(enumerate(tasks), key=lambda at: at[1] - at[0])
     several = [[task for _, task in run] for _, run in runs]
     return ",".join(f"{run[0]}:{run[-1] + 1}" for run in several)
+
+
+def kept(use: str, tasks: Sequence[int]) -> str:
+    """How tasks that were picked are stored: a fold by its name, others by their numbers."""
+    return use if FOLD.fullmatch(use) else written(tasks)
+
+
+def folds_of(use: str) -> str:
+    """The folds of which one is left out, whichever it is: "5 folds" of "fold:2/5"."""
+    return f"{use.rpartition('/')[2]} folds"
+
+
+def in_name(use: str, told: str) -> str:
+    """What is used of a file, in an artefact's name; where that is long, what is `told` of it and a hash."""
+    return use if len(use) <= LONGEST_NAMED else f"{told}-{sha256(use.encode()).hexdigest()[:8]}"
+
+
+@lru_cache(maxsize=64)  # each task asks
+def named(option: str, text: str, count: int) -> tuple[int, ...]:
+    """The tasks out of `count` that a stored text means; ValueError, a sentence about the option, where it means none."""
+    try:
+        return tuple(picked(text, count))
+    except ValueError as error:
+        raise ValueError(f"{option} {error}") from error
+
+
+@lru_cache(maxsize=64)
+def others(tasks: tuple[int, ...], count: int) -> tuple[int, ...]:
+    """The tasks out of `count` that are none of these."""
+    there = set(tasks)
+    return tuple(task for task in range(count) if task not in there)
+
+
+def held_out(
+    targets: str | None,
+    sources: Sequence[int],
+    count: int,
+    splits: Sequence[str],
+    file: str,
+    content: Callable[[int], Hashable] | None,
+) -> str:
+    """The numbers of the targets that are named out of `count` tasks of a file, without a text those that are no sources.
+
+    UsageError where they cannot be, or where a target is a source too, by its number or its `content`; None allows that.
+    """
+    try:
+        held = others(tuple(sources), count) if targets is None else picked(targets, count, splits)
+    except ValueError as error:
+        raise UsageError(f"--targets {error}") from error
+    if not held:
+        raise UsageError(
+            f"all {count} tasks of {file} are sources; give --targets A:B with --allow-overlap, or fewer to --use"
+        )
+    if content is not None:
+        _check_apart(held, {content(task): task for task in sources}, file, content)
+    return written(held)
+
+
+def _check_apart(
+    held: Sequence[int], sources: dict[Hashable, int], file: str, content: Callable[[int], Hashable]
+) -> None:
+    for task in held:
+        if (source := sources.get(content(task))) is not None:
+            same = f"task {task}" if task == source else f"task {task} and task {source}, which are equal,"
+            raise UsageError(
+                f"{same} of {file} would be source and target; leave it out of one of them, or give --allow-overlap"
+            )
 
 
 def _range(part: str, text: str, count: int, splits: Sequence[str]) -> range:

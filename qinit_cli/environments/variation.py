@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.environments.file_rows import literal
-from qinit_cli.environments.taken_names import OF_TASKS
+from qinit_cli.environments.taken_names import FILE_TASK, OF_TASKS
 from qinit_cli.environments.varied_values import KINDS, FileRows, VariedValues
 
 if TYPE_CHECKING:
@@ -48,11 +48,17 @@ class Variation:
                 f"--vary {text}: {str(error) or f'write NAME={kind}:{KINDS[kind].form}'}"
             ) from error
 
+    def among(self, use: str | None, targets: str | None) -> Self:
+        """The same where rows of its file are named as sources or targets; what is drawn otherwise stays as it is."""
+        if not isinstance(self.values, FileRows) or (use is None and targets is None):
+            return self
+        return replace(self, values=replace(self.values, use=use, targets=targets))
+
     @property
     def column(self) -> str:
         """What the drawn value is called in an artefact, where each name stands for one thing."""
         name = self.name.lower()
-        return f"{name}_drawn" if name in OF_TASKS or AXIS.fullmatch(name) else name
+        return f"{name}_drawn" if name in (*OF_TASKS, FILE_TASK) or AXIS.fullmatch(name) else name
 
     @property
     def label(self) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from qinit_cli.environments.family import Role
 from qinit_cli.environments.file_rows import LARGEST, Rows, is_number, literal, read_rows
 from qinit_cli.environments.foreign import aside
+from qinit_cli.environments.task_ranges import named, others
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_store.wording import counted
 
@@ -315,13 +316,16 @@ class FrozenLakeMaps(VariedValues):
 class FileRows(VariedValues):
     """The column of a file that bears the argument's name, one row a task.
 
-    A column `split` tells whether a row is a source's or a target's; without one they take turns, a source first.
+    Which rows are sources' and which are targets' is named, or a column `split` tells it; without both they take turns, a
+    source first.
     """
 
     path: str  # as it was typed
     content: str  # float, integer, or row where a column of numbers cannot hold them; with the digest known, else empty
     digest: str  # that the file must have
     name: str
+    use: str | None = None  # sources' rows, and targets', see task_ranges
+    targets: str | None = None
 
     form: ClassVar[str] = "PATH"
 
@@ -335,7 +339,7 @@ class FileRows(VariedValues):
 
     def stored(self) -> str:
         """The text behind the kind with the content and the digest of the file; UsageError where there is no such file."""
-        return f"{self.path}@{self._content}:sha256:{self.digest or self._rows.digest}"
+        return f"{self.path}@{self._content}:sha256:{self.digest or self.rows.digest}"
 
     @property
     def label(self) -> str:
@@ -349,18 +353,43 @@ class FileRows(VariedValues):
     def note(self) -> str:
         return f"by its row in {PurePath(self.path).name}" if self._content == "row" else ""
 
+    @property
+    def rows(self) -> Rows:
+        """The rows of the file; NotAllowed where it is another than tasks were drawn from."""
+        rows = read_rows(self.path)
+        if self.digest and rows.digest != self.digest:
+            raise NotAllowed(
+                f"{self.path} is not the file any more from which tasks were drawn; bring that one back"
+            )
+        return rows
+
+    def of(self, role: Role) -> tuple[int, ...]:
+        """The rows of sources, or of targets."""
+        count, asked = self.rows.count, self.targets if role == "target" else self.use
+        if self.use is None and asked is None:
+            return self.rows.of[role]
+        try:
+            if asked is not None:
+                return named("--targets" if role == "target" else "--use", asked, count)
+            return others(named("--use", self.use or "", count), count)
+        except ValueError as error:
+            raise NotAllowed(f"of {self.path} {error}") from error
+
     def available(self, role: Role) -> int | None:
-        return len(self._rows.of[role])
+        return len(self.of(role))
+
+    def at(self, row: int) -> float | int:
+        """What is drawn for a row: its number where the column holds more than numbers."""
+        return row if self._content == "row" else self._column[row]
 
     def draw(self, rng: np.random.Generator, index: int, role: Role) -> float | int:
-        rows = self._rows.of[role]
+        rows = self.of(role)
         if index >= len(rows):
             raise NotAllowed(
                 f"{self.path} has {counted(len(rows), 'row')} for {role}s, and task {index + 1} was asked for; add rows, "
                 "or ask for fewer --tasks"
             )
-        row = rows[index]
-        return row if self._content == "row" else self._column[row]
+        return self.at(rows[index])
 
     def value(self, drawn: float | int) -> Any:
         if self._content == "row":
@@ -377,21 +406,12 @@ class FileRows(VariedValues):
 
     @property
     def _column(self) -> tuple[Any, ...]:
-        columns = self._rows.columns
+        columns = self.rows.columns
         if self.name not in columns:
             raise UsageError(
                 f"--vary {self.name}=file:{self.path}: there is no column {self.name}; its columns are {', '.join(columns)}"
             )
         return columns[self.name]
-
-    @property
-    def _rows(self) -> Rows:
-        rows = read_rows(self.path)
-        if self.digest and rows.digest != self.digest:
-            raise NotAllowed(
-                f"{self.path} is not the file any more from which tasks were drawn; bring that one back"
-            )
-        return rows
 
 
 KINDS: dict[str, type[VariedValues]] = {

@@ -156,12 +156,12 @@ class LearningTargets:
     )
     targets: str | None = option(
         None,
-        "Tasks of the file that are targets, written as for --use; only for sources of the family tasks.",
+        "Tasks of the sources' file that are targets, written as for --use of train-sources tasks and gym.",
         metavar="A:B",
         default_text="those that are no sources",
     )
     allow_overlap: bool = option(
-        False, "Allow a task of the file to be source and target; only for the family tasks.", seldom=True
+        False, "Allow a task of the sources' file to be source and target.", seldom=True
     )
     evaluate_every: int = option(
         0,

@@ -19,6 +19,7 @@ from qinit_cli.pipeline.keeping import Keeping, target_path, working
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.origin import provenance
 from qinit_cli.pipeline.reporter import SILENT, Progress, Reporter
+from qinit_cli.pipeline.taking_over import take_over
 from qinit_store.wording import counted, noun, shell_line
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
         else:
             # a share holds its own tasks and no others
             if len(asked) == plan.count and not isinstance(artefact, HeldWork):
-                _take_over(artefact, asked, plan, keeping, reporter)
+                take_over(artefact, asked, plan.settings, keeping, reporter)
             missing = np.setdiff1d(asked, artefact.saved)
             check_room(
                 plan.footprint,
@@ -154,34 +155,6 @@ def place(plan: Plan, keeping: Keeping, machine: Machine) -> Path:
 def share_of(count: int, share: int, shares: int) -> Integers:
     """The ids of the share-th of so many shares of `count` tasks, as even as can be, each a run of ids."""
     return np.array_split(np.arange(count), shares)[share - 1]
-
-
-def _take_over(artefact: Work, asked: Integers, plan: Plan, keeping: Keeping, reporter: Reporter) -> None:
-    """Takes tasks of the same settings from artefacts of the store: growing learns only what is new."""
-    from qinit_cli.artefacts.opening import open_artefact
-    from qinit_store.catalog import Store
-    from qinit_store.errors import Damaged, Refused
-
-    relatives = (
-        []
-        if keeping.store is None
-        else Store(keeping.store).relatives(plan.schema.kind, plan.settings.spec())
-    )
-    for relative in relatives:
-        before = len(artefact.saved)
-        if set(asked) <= set(artefact.saved):
-            return
-        try:
-            with open_artefact(relative.path, plan.schema.kind) as there:
-                artefact.adopt(there)
-        except Damaged as damage:
-            reporter.note(f"nothing is taken over: {damage}")
-        except Refused as lack:
-            reporter.note(f"nothing is taken over from an earlier version: {lack}")
-        if taken := len(artefact.saved) - before:
-            reporter.note(
-                f"{counted(taken, 'task')} {noun(taken, 'is', 'are')} taken over from {relative.path}"
-            )
 
 
 def _learn_missing(

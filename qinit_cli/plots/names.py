@@ -77,7 +77,7 @@ def group_names(groups: Sequence[RunGroup]) -> list[str]:
     from qinit_cli.comparison.source_sets import told_of_groups
 
     runs = [group.any_run for group in groups]
-    labels = [shortened(run.settings.family.label, run.settings.family.name) for run in runs]
+    labels = [shortened(group.label, group.any_run.settings.family.name) for group in groups]
     words = map(joined, told_of_groups(groups))
     names = [above_words(label, own) for label, own in zip(labels, words, strict=True)]
     return distinct(names, [f"targets {run.target_digest[:8]}" for run in runs])
@@ -87,7 +87,7 @@ def families(groups: Sequence[RunGroup]) -> str:
     """The distribution where there is one, else the families."""
 
     families = [group.any_run.settings.family for group in groups]
-    labels = dict.fromkeys(family.label for family in families)
+    labels = dict.fromkeys(group.label for group in groups)
     return (
         next(iter(labels))
         if len(labels) == 1

@@ -81,19 +81,19 @@ class Store:
                 if name.startswith(".") and name.endswith(WORK) and is_folder(work):
                     yield _row(_target(work), partial(_unfinished, work))
 
-    def relatives(self, kind: str, spec: Spec) -> list[Description]:
-        """The finished artefacts of `kind` with the same spec apart from "tasks", the largest first.
+    def relatives(
+        self, kind: str, spec: Spec, compared: Callable[[Spec], Spec] = without_tasks
+    ) -> list[Description]:
+        """The finished artefacts of `kind` whose spec is the same in what is compared, all but "tasks", the largest first.
 
         A file without permission to read is skipped; SystemFailed if reading one fails otherwise, as its tasks would
         be learned again.
         """
-        wanted = canonical_json(without_tasks(spec))
+        wanted = canonical_json(compared(spec))
         found = [
             entry
             for entry in map(_known_description, self._finished(folder_of(kind)))
-            if entry.state == "done"
-            and entry.kind == kind
-            and canonical_json(without_tasks(entry.spec)) == wanted
+            if entry.state == "done" and entry.kind == kind and canonical_json(compared(entry.spec)) == wanted
         ]
         return sorted(found, key=lambda entry: -entry.tasks)
 

@@ -168,12 +168,14 @@ class Work:
         """The verified columns of the saved task with the id `number`, without their task axis."""
         return {name: values[0] for name, values in self._gathered([number]).items()}
 
-    def adopt(self, artefact: Artefact) -> None:
+    def adopt(self, artefact: Artefact, places: Mapping[int, int] | None = None) -> None:
         """Take over the tasks of an artefact with the same spec apart from "tasks".
 
-        Refused otherwise, and where it lacks a column: an earlier version wrote it.
+        Refused otherwise, and where it lacks a column: an earlier version wrote it. With `places` tasks of another spec, of which
+        the caller knows that they are the same: the ids that they have here by those that they have there.
         """
-        self._compare(artefact, enough=False)
+        if places is None:
+            self._compare(artefact, enough=False)
         given = self._given
         if lacking := given - {column.name for column in artefact.schema.task_columns}:
             raise Refused(
@@ -181,9 +183,11 @@ class Work:
             )
         artefact.expect(self._part_schema.axes, self._schema.task_columns)
         for block in artefact.blocks(given, artefact.schema.block_size):
-            new = np.array([self._wants(number) for number in block[TASK].tolist()], dtype=bool)
+            numbers = block[TASK].tolist()
+            own = np.array(numbers if places is None else [places.get(number, -1) for number in numbers])
+            new = np.array([self._wants(number) for number in own.tolist()], dtype=bool)
             if new.any():
-                self.save({name: block[name][new] for name in given}, block[TASK][new])
+                self.save({name: block[name][new] for name in given}, own[new])
 
     def finish(
         self,
@@ -303,7 +307,7 @@ class Work:
             )
 
     def _wants(self, number: int) -> bool:
-        return number < self.asked and number not in self._digests
+        return 0 <= number < self.asked and number not in self._digests
 
     def _discard_other_work(self) -> None:
         kept = self._kept()
