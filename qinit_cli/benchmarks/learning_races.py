@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from qinit_cli.benchmarks.race import Race, Runner
 from qinit_cli.environments.family import Family, draw_tasks
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.mountain_car import MountainCar
+from qinit_cli.environments.tiled import TiledFamily, Tiles
 from qinit_cli.errors import NotAllowed
 from qinit_cli.kernels.batch import LaneStreams, Records, Start, learn
 from qinit_cli.kernels.random_streams import Words, lane_seeds, seeds
@@ -70,6 +72,25 @@ def races(size: Size, loops: ctypes.CDLL | None) -> Iterator[Race]:
         lambda tasks: _converged_cars(car, tasks, size),
         {"plain Numba": _car_in_numba, **({"plain C": _car_in_c(loops)} if loops else {})},
     )
+    if loops:
+        yield from _tiled_races(car, size, loops)
+
+
+def _tiled_races(car: MountainCar, size: Size, loops: ctypes.CDLL) -> Iterator[Race]:
+    """Mountain Car by 8 tilings of 8 tiles, many tasks side by side and one alone."""
+    family: Any = TiledFamily(car, Tiles())
+    learning = replace(car.source_learning, episodes=max(10, round(2_000 * size.scale)))
+    for count, what in ((size.tasks, "by tiles"), (1, "by tiles, one task")):
+        tasks = draw_tasks(car, 0, Stream.SOURCE_TASK, np.arange(count))
+        start = np.zeros((count, family.coding.weights, len(car.actions)))
+        records = Records(min(SOURCE_BINS, learning.episodes))
+        yield Race(
+            "kernels",
+            f"{car.name} {what}",
+            "M steps/s",
+            Runner("qinit", _ours(family, tasks, learning, start, records)),
+            [Runner("plain C", _plain(_tiled_car_in_c(loops, family.cut), tasks, learning, start))],
+        )
 
 
 def _sources(family: Family, early: int, converged: int) -> Stage:
@@ -195,6 +216,19 @@ def _car_in_c(loops: ctypes.CDLL) -> Plain:
         return sum(
             loops.mountain_car(state.ctypes.data, q.ctypes.data, bins, eta, 0.0, *_numba_arguments(learning))
             for q, eta in zip(tables, tasks["eta"].tolist(), strict=True)
+        )
+
+    return run
+
+
+def _tiled_car_in_c(loops: ctypes.CDLL, cut: Tiles) -> Plain:
+    def run(tasks: Tasks, learning: Learning, weights: Floats) -> int:
+        state = _state()
+        return sum(
+            loops.tiled_car(
+                state.ctypes.data, w.ctypes.data, cut.tilings, cut.tiles, eta, *_numba_arguments(learning)
+            )
+            for w, eta in zip(weights, tasks["eta"].tolist(), strict=True)
         )
 
     return run

@@ -93,12 +93,61 @@ long mountain_car(uint64_t *s, double *q, int bins, double eta, double hill, int
     }
     return steps;
 }
+
+/* tilings of (tiles + 1)^2 tiles, shifted by 1 and 3 parts of a tile (Sutton & Barto, 2018, section 9.5.4) */
+static void activate(double position, double velocity, int tilings, int tiles, int *active) {
+    double x = (position + 1.2) * tiles / 1.8, v = (velocity + 0.07) * tiles / 0.14;
+    int along = tiles + 1;
+    for (int i = 0; i < tilings; i++) {
+        int row = (int)(x + (double)i / tilings), column = (int)(v + (double)(3 * i % tilings) / tilings);
+        row = row < tiles ? row : tiles;
+        column = column < tiles ? column : tiles;
+        active[i] = 3 * ((i * along + row) * along + column);
+    }
+}
+
+static void add_up(const double *w, const int *active, int tilings, double *values) {
+    values[0] = values[1] = values[2] = 0;
+    for (int i = 0; i < tilings; i++)
+        for (int a = 0; a < 3; a++) values[a] += w[active[i] + a];
+}
+
+long tiled_car(uint64_t *s, double *w, int tilings, int tiles, double eta, int anywhere,
+               double alpha, double gamma, double epsilon, long episodes, long horizon) {
+    long steps = 0;
+    int here[64], there[64];
+    double values[3];
+    for (long episode = 0; episode < episodes; episode++) {
+        double position = -0.5, velocity = 0;
+        if (anywhere) { position = -1.2 + 1.7 * uniform(s); velocity = -0.07 + 0.14 * uniform(s); }
+        int done = 0;
+        activate(position, velocity, tilings, tiles, here);
+        for (long time = 0; time < horizon && !done; time++) {
+            add_up(w, here, tilings, values);
+            int action = choose(values, 3, epsilon, s);
+            double value = values[action], push = position >= 0 ? eta : 0;
+            velocity += (action - 1) * 0.001 - 0.0025 * cos(3 * position);
+            velocity = fmin(fmax(velocity, -0.07), 0.07);
+            position = fmin(fmax(position + velocity + push, -1.2), 0.6);
+            if (position == -1.2 && velocity < 0) velocity = 0;
+            done = position >= 0.5 && velocity >= 0;
+            activate(position, velocity, tilings, tiles, there);
+            add_up(w, there, tilings, values);
+            double step = alpha / tilings * ((done ? 1.0 : gamma * largest(values, 3)) - value);
+            for (int i = 0; i < tilings; i++) w[here[i] + action] += step;
+            for (int i = 0; i < tilings; i++) here[i] = there[i];
+            steps++;
+        }
+    }
+    return steps;
+}
 """
 
 _LEARNING = [ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_long, ctypes.c_long]
 _SIGNATURES = {
     "gridworld": [ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_int, *_LEARNING],
     "mountain_car": [ctypes.c_int, ctypes.c_double, ctypes.c_double, ctypes.c_int, *_LEARNING],
+    "tiled_car": [ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_int, *_LEARNING],
 }
 
 
