@@ -6,6 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
+from qinit_cli.environments.tiled import PROJECTED
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.rewards import UNIT, ReturnBounds
 
@@ -165,6 +166,8 @@ class RunKind(Kind["RunSettings"]):
             **({"restricted_steps": float(curves["steps"].mean())} if "steps" in curves else {}),
             **{name: float(curves[name]) for name in ("v_star", "v_eps") if name in curves},
         }
+        if PROJECTED in {column.name for column in artefact.schema.columns}:
+            numbers |= projection_errors(artefact.read("start"), artefact.read(PROJECTED))
         title = f"discounted return, mean over targets and the last {SMOOTH} episodes"
         return Shown(numbers, returns.smoothed(curve, SMOOTH), "curve", title, "episode")
 
@@ -223,6 +226,17 @@ class RunKind(Kind["RunSettings"]):
 
 
 RUN = RunKind()
+
+
+def projection_errors(start: Floats, projected: Floats) -> dict[str, float]:
+    """How far the values (P, A) of the weights that stand for a start are from the start itself, at the probes."""
+    import numpy as np
+
+    error = projected - start
+    return {
+        "projection_rms": float(np.sqrt(np.mean(error**2))),
+        "projection_largest": float(np.abs(error).max()),
+    }
 
 
 def mean_curves(artefact: Artefact) -> dict[str, Floats]:

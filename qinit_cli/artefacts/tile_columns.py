@@ -6,7 +6,7 @@ import numpy as np
 
 from qinit_cli.artefacts.columns import index
 from qinit_cli.environments import Family
-from qinit_cli.environments.tiled import PROBES, WEIGHTS, TiledFamily
+from qinit_cli.environments.tiled import PROBES, PROJECTED, WEIGHTS, TiledFamily
 from qinit_store.schema import TASK, Axis, Column
 
 Layout = tuple[tuple[Axis, ...], tuple[Column, ...]]
@@ -51,5 +51,5 @@ def start_columns(family: Family, *, per_task: bool) -> Layout:
         return (), ()
     return (index("tile", family.coding.weights),), (
         Column("start_weights", ("tile", "action"), "f8", long_name="initial weights of the tiles"),
-        Column("projected", ("probe", "action"), "f8", long_name="initial action values by these weights"),
+        Column(PROJECTED, ("probe", "action"), "f8", long_name="initial action values by these weights"),
     )

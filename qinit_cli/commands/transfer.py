@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -148,7 +148,7 @@ def _transfer(
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.optimal_tables import initial_of
-    from qinit_cli.pipeline.transfer import learned, plan_of, targets_of
+    from qinit_cli.pipeline.transfer import learned, plan_of, projection, targets_of
 
     known = Knowledge.read(path)
     method, choice = tuned.applied(method, output, known.family)
@@ -165,10 +165,14 @@ def _transfer(
     if output.dry_run:
         say_expected(expected(plan, targets, count, output.keeping, machine), output, display)
         return
-    made = make(plan(targets, count), output.keeping, machine, Printed(display))
+    wanted = plan(targets, count)
+    made = make(wanted, output.keeping, machine, Printed(display))
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
-    made.tally.extra.update(filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable)
+    projected = projection(known.family, wanted.statics)
+    made.tally.extra.update(
+        filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable, **projected
+    )
     warn(
         made,
         targets.family.warning,
@@ -210,4 +214,15 @@ def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) ->
         sentence += "filled"
     if initial.clipped:
         sentence += f"; {counted(initial.clipped, 'starting value')} clipped to [0, 1]"
-    return sentence
+    return sentence + _projected(tally.extra)
+
+
+def _projected(told: dict[str, Any]) -> str:
+    """What became of a start on its way to the weights of tiles; nothing where it stays a table."""
+    if "projection_rms" not in told:
+        return ""
+    rank = f", of which the probes determine {told['weights_rank']}" if "weights_rank" in told else ""
+    return (
+        f"; start projected onto {counted(told['weights'], 'weight')} an action{rank} ({told['weights_untouched']} have no probe "
+        f"in their tile): error {told['projection_rms']:.2g} (rms), {told['projection_largest']:.2g} at most"
+    )

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from qinit_cli.projection import Projection
     from qinit_store.schema import Axis
 
-PROBES, WEIGHTS = "probes", "weights"  # columns of their states and of what tasks learn
+# columns of their states, of what tasks learn, and of the values that a start's weights have there
+PROBES, WEIGHTS, PROJECTED = "probes", "weights", "projected"
 JUDGED = 10  # greedy episodes by which a task is judged
 DIVERGED = 100.0  # widths of the attainable return: values beyond are no estimate of any return
 

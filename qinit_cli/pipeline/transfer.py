@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qinit_cli.artefacts.run import projection_errors
 from qinit_cli.artefacts.tile_columns import joined, probe_columns, start_columns, weight_columns
 from qinit_cli.environments.family import Family, bounds_of, task_count
-from qinit_cli.environments.tiled import TiledFamily
+from qinit_cli.environments.tiled import PROJECTED, TiledFamily
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -263,12 +265,25 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     kept: dict[str, Floats] = probes_of(family)
     if isinstance(family, TiledFamily) and not initial.start_per_task:
         kept["start_weights"] = family.to_weights(initial.start)
-        kept["projected"] = family.projection.values(kept["start_weights"])
+        kept[PROJECTED] = family.projection.values(kept["start_weights"])
     if not initial.start_per_task:
         kept["start"] = initial.start.reshape(*family.shape, -1)
     if not initial.potential_per_task:
         kept["potential"] = initial.potential.reshape(family.shape)
     return kept
+
+
+def projection(family: Family, kept: Mapping[str, Any]) -> dict[str, float]:
+    """What became of a start at the probes on its way to weights, given what a run keeps; nothing for tables."""
+    if not isinstance(family, TiledFamily) or PROJECTED not in kept:
+        return {}
+    rank = family.projection.rank
+    return {
+        **projection_errors(kept["start"], kept[PROJECTED]),
+        "weights": family.coding.weights,
+        "weights_untouched": family.projection.untouched,
+        **({} if rank is None else {"weights_rank": rank}),
+    }
 
 
 def learned(made: Made, targets: TargetTasks, fit: FittedTables) -> TargetsLearned:
