@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from qinit_cli.arrays import Flags, Floats, Tasks
+    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.continuous import Binned, ContinuousWorlds
+    from qinit_cli.kernels.parts import Function
     from qinit_store.schema import Axis, Column
 
 MOST_BINS = 1_000_000  # of a table; the paths from all their centres are followed
@@ -137,16 +138,9 @@ class ContinuousFamily(NeutralFamily):
 
     def solved(self, tasks: Tasks, q: Floats, horizon: int) -> Flags:
         """Whether at least every other of 10 greedy episodes from the target start reaches the goal, (B,); noise included."""
-        import numpy as np
+        from qinit_cli.kernels.continuous_paths import arrivals
 
-        from qinit_cli.kernels import continuous_paths as paths
-
-        counts = np.empty(len(tasks), np.int64)
-        binned = self._alone(tasks, horizon, noisy=True)
-        words = np.tile(_words(PROBES), (len(tasks), 1, 1))
-        paths.for_world(paths.arrivals, binned)(binned, q.argmax(axis=2), words, horizon, counts)
-        likely: Flags = counts >= LIKELY * PROBES
-        return likely
+        return self._likely(arrivals, tasks, horizon, q.argmax(axis=2))
 
     def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """How often the greedy path from `target_state`, without noise, is in each bin, (B, S), both its ends included.
@@ -166,17 +160,23 @@ class ContinuousFamily(NeutralFamily):
         return visits
 
     def solvable(self, tasks: Tasks, solved: Flags, horizon: int) -> Flags:
-        """Whether a task's own greedy episodes or the world's plain controller, from `target_state`, reach the goal, (B,)."""
+        """Whether a task was solved, or every other of 10 episodes of the world's plain controller reaches the goal, (B,)."""
+        from qinit_cli.kernels.continuous_paths import guided_arrivals
+
+        return solved | self._likely(guided_arrivals, tasks, horizon)
+
+    def _likely(self, arrivals: Function, tasks: Tasks, horizon: int, *policy: Integers) -> Flags:
+        """Whether at least every other episode arrives, (B,)."""
         import numpy as np
 
-        from qinit_cli.kernels import continuous_paths as paths
+        from qinit_cli.kernels.continuous_paths import for_world
 
-        lengths = np.empty(len(tasks), np.int64)
-        binned = self._alone(tasks, horizon, noisy=False)
-        start = np.array(self.target_state(), np.float64)
-        paths.for_world(paths.guided, binned)(binned, start, _words(1)[0], horizon, lengths)
-        either: Flags = solved | (lengths > 0)
-        return either
+        counts = np.empty(len(tasks), np.int64)
+        binned = self._alone(tasks, horizon, noisy=True)
+        words = np.tile(_words(PROBES), (len(tasks), 1, 1))
+        for_world(arrivals, binned)(binned, *policy, words, horizon, counts)
+        likely: Flags = counts >= LIKELY * PROBES
+        return likely
 
     def _usual(self) -> dict[str, Any]:
         """What options are unless others are asked for, where None stands for that."""

@@ -68,17 +68,20 @@ def arrivals(binned, greedy, words, horizon, counts):
             counts[task] += _steps(binned, task, action, greedy[task], rng, horizon) > 0
 
 
-def guided(binned, start, rng, horizon, lengths):
-    """Writes into `lengths` i8 (B,) the steps of the plain controller from `start` f8 (D,); NEVER if beyond the horizon."""
+def guided_arrivals(binned, words, horizon, counts):
+    """As `arrivals`, of the episodes of the world's plain controller."""
     world = binned.world
-    for task in range(len(lengths)):
-        _put(world, task, rng, start)
-        code, steps = np.int64(0), 0
-        while code == 0 and steps < horizon:
-            action = np.int64(guide(world, task, 0))
-            code = np.int64(step_of(world, task, 0, 0, action, unit(rng), rng))
-            steps += 1
-        lengths[task] = steps if code == GOAL else NEVER
+    for task in range(len(counts)):
+        counts[task] = 0
+        for probe in range(words.shape[1]):
+            rng = words[task, probe]
+            start_of(world, task, 0, rng, False)
+            code, steps = np.int64(0), 0
+            while code == 0 and steps < horizon:
+                action = np.int64(guide(world, task, 0))
+                code = np.int64(step_of(world, task, 0, 0, action, unit(rng), rng))
+                steps += 1
+            counts[task] += code == GOAL
 
 
 def for_world(function: Function, binned: Any) -> Function:
