@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import Method
 from qinit_cli.pipeline.knowledge import Knowledge
 
@@ -25,7 +26,9 @@ class StartTable:
 
     start: Floats  # (*states, A)
     axes: Mapping[str, Any]  # the labels of each axis, texts or numbers, in order
-    about: Mapping[str, str]  # method and fit, as a file tells them
+    low: Floats  # (D,) where the first bin of each state axis begins, NaN where that is unknown
+    high: Floats  # (D,) where the last one ends
+    about: Mapping[str, str | float]  # method, fit, family and discount, as a file tells them
     filled: int
     clipped: int
 
@@ -35,10 +38,18 @@ def start_table(known: Knowledge, method: Method) -> StartTable:
     family = known.family
     initial = method.initial_of_all(known.fit, family, known.learning)
     axes = {axis.name: _labels(axis.values) for axis in family.axes()}
+    low, high = np.array(family.covers(), np.float64).T.copy()
     return StartTable(
         start=initial.start.reshape(*family.shape, -1),
         axes=axes | {"action": np.array(family.actions)},
-        about={"method": method.label, "fit": known.content_sha256, "family": family.label},
+        low=low,
+        high=high,
+        about={
+            "method": method.label,
+            "fit": known.content_sha256,
+            "family": family.label,
+            "gamma": known.learning.gamma,
+        },
         filled=initial.filled,
         clipped=initial.clipped,
     )
@@ -47,8 +58,9 @@ def start_table(known: Knowledge, method: Method) -> StartTable:
 def encoded(table: StartTable, ending: str) -> bytes:
     """The bytes of a file with this ending; the same table gives the same bytes.
 
-    .npy: `start` alone. .npz: `start`, its axes by name, method, fit (content hash) and family. .csv: a row for each entry, the
-    labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    .npy: `start` alone. .npz: `start`, its axes by name, `low`, `high`, method, fit (content hash), family and gamma. .csv: a row
+    for each entry, the labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    NotAllowed for .npz where a state axis has the name of another array.
     """
     if ending == ".csv":
         return _csv(table)
@@ -56,15 +68,22 @@ def encoded(table: StartTable, ending: str) -> bytes:
     if ending == ".npy":
         np.save(buffer, table.start)
     elif ending == ".npz":
-        arrays = {
-            "start": table.start,
-            **table.axes,
-            **{name: np.array(text) for name, text in table.about.items()},
-        }
+        others = {"start": table.start, **_beside(table)}
+        if taken := sorted(others.keys() & table.axes.keys()):
+            raise NotAllowed(
+                f"the state axis {taken[0]} has the name of another array of the .npz; write .h5 or .csv instead"
+            )
+        arrays = {"start": others.pop("start"), **table.axes, **others}
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
     else:
         _write_h5(buffer, table)
     return buffer.getvalue()
+
+
+def _beside(table: StartTable) -> dict[str, Any]:
+    """What stands beside the table and its axes, as arrays."""
+    about = {name: np.array(told) for name, told in table.about.items()}
+    return {"low": table.low, "high": table.high, **about}
 
 
 def _csv(table: StartTable) -> bytes:
@@ -87,6 +106,7 @@ def _write_h5(buffer: io.BytesIO, table: StartTable) -> None:
             scale.make_scale(name)
             start.dims[place].attach_scale(scale)
         file.attrs.update(table.about)
+        file.attrs.update({"low": table.low, "high": table.high})
 
 
 def _labels(values: Any) -> Any:
