@@ -208,6 +208,8 @@ def test_a_start_table_in_every_format_is_the_same(here: Callable[..., Ended], f
         np.testing.assert_array_equal(archive["start"], wanted)
         assert archive["action"].tolist() == ["up", "down", "left", "right"]
         assert str(archive["fit"]) == fit.digest
+        assert (archive["low"].tolist(), archive["high"].tolist()) == ([-0.5, -0.5], [4.5, 4.5])
+        assert archive["gamma"] == 0.95
     with Path("start.csv").open() as file:
         rows = list(csv.DictReader(file))
     row = next(one for one in rows if (one["row"], one["col"], one["action"]) == ("1", "2", "left"))
@@ -215,6 +217,17 @@ def test_a_start_table_in_every_format_is_the_same(here: Callable[..., Ended], f
     with h5py.File("start.h5") as file:
         np.testing.assert_array_equal(file["start"][...], wanted)
         assert file["start"].dims[2][0][...].tolist() == [b"up", b"down", b"left", b"right"]
+        assert file.attrs["high"].tolist() == [4.5, 4.5]
+
+
+def test_a_start_table_whose_axis_has_the_name_of_another_array_is_no_npz(here: Callable[..., Ended]) -> None:
+    np.save("q.npy", np.full((3, 2, 4), 0.5))
+    here("import", "q.npy", "--axes", "high=2", "--gamma", 0.9, "-o", "s.h5")
+    here("fit", "s.h5", "-o", "f.h5")
+    refused = here("start", "mean", "f.h5", "-o", "start.npz")
+    assert (refused.code, refused.out) == (4, "")
+    assert "the state axis high has the name of another array" in refused.err
+    assert here("start", "mean", "f.h5", "-o", "start.csv").code == 0
 
 
 @pytest.mark.parametrize(("words", "code"), [(("-o", "start.txt"), 2), ((), 2), (("-o", "f.h5"), 2)])

@@ -31,6 +31,17 @@ class DrawnFamily:
     name: ClassVar[str]
     counted: ClassVar[bool] = True
 
+    def axes(self) -> tuple[Axis, ...]:
+        """The state axes."""
+        raise NotImplementedError
+
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """What each state axis covers, from low to high, in bins of one width; NaN where that is unknown.
+
+        The labels are the bins' centres: whole numbers reach from half below the least to half above the largest.
+        """
+        return tuple(_covered(axis.values) for axis in self.axes())
+
     def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
         """One task: a value for each parameter."""
         raise NotImplementedError
@@ -117,10 +128,6 @@ class NeutralFamily(DrawnFamily):
     def shape(self) -> tuple[int, ...]:
         """The state axes' lengths."""
         return tuple(len(axis.values) for axis in self.axes())
-
-    def axes(self) -> tuple[Axis, ...]:
-        """The state axes."""
-        raise NotImplementedError
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: one column each."""
@@ -339,3 +346,16 @@ class TableFamily(NeutralFamily):
         tables_exact.distances(there.after, there.probability, there.start, steps)
         possible: Flags = (steps > 0) & (steps <= horizon)
         return possible
+
+
+def _covered(labels: NDArray[Any]) -> tuple[float, float]:
+    """Low and high of bins of one width whose centres these are, NaN where there are none; one whole number has the width 1."""
+    import numpy as np
+
+    if labels.dtype.kind not in "iuf" or (len(labels) == 1 and labels.dtype.kind == "f"):
+        return np.nan, np.nan
+    first, last = float(labels[0]), float(labels[-1])
+    width = (last - first) / (len(labels) - 1) if len(labels) > 1 else 1.0
+    if not np.allclose(np.diff(labels), width, rtol=1e-9, atol=0.0):
+        return np.nan, np.nan
+    return first - width / 2, last + width / 2

@@ -97,6 +97,10 @@ class ContinuousFamily(NeutralFamily):
             for (name, low, high), count in zip(self.box(), self.bin_counts, strict=True)
         )
 
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """The box, from low to high along each dimension."""
+        return tuple((low, high) for _, low, high in self.box())
+
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The target start, and the middle of the box where that is another bin."""
         middle = tuple((low + high) / 2 for _, low, high in self.box())

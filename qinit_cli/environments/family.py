@@ -65,6 +65,10 @@ class Family(Protocol):
         """The state axes."""
         ...
 
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """What each state axis covers, from low to high, in bins of one width; NaN where that is unknown."""
+        ...
+
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The states whose values a picture shows unless told otherwise: a coordinate on each state axis."""
         ...

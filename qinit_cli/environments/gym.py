@@ -256,6 +256,12 @@ class Gym(TableFamily):
             for name, length in zip(names, seen.shape, strict=True)
         )
 
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """What the bins of each dimension cover, from low to high; of whole numbers from half below to half above."""
+        if not self._seen.dimensions:
+            return super().covers()
+        return tuple(each.covered for each in self._seen.dimensions)
+
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: what is varied."""
         from qinit_store.schema import Column

@@ -44,6 +44,12 @@ class Dimension:
     whole: bool
     own: bool  # the bounds are the environment's, not those of --range
 
+    @property
+    def covered(self) -> tuple[float, float]:
+        """Where the first bin begins and the last one ends; a whole number is the middle of its bin."""
+        beyond = 0.5 if self.whole else 0.0
+        return self.low - beyond, self.high + beyond
+
     def values(self) -> NDArray[Any]:
         """The numbers, or the bins' centres, (length,)."""
         import numpy as np

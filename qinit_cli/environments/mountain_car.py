@@ -113,6 +113,10 @@ class MountainCar(DrawnFamily):
         """Where targets start: at rest in the valley."""
         return START
 
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """Position and velocity, from low to high."""
+        return POSITIONS, VELOCITIES
+
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The start, a state on the way and one that arrives; Figure 10 of the paper."""
         return (-0.5, 0.0), (-0.3, 0.02), (0.2, 0.04)

@@ -113,6 +113,10 @@ class TiledFamily:
 
         return (Axis("probe", np.arange(self.cut.probes), "1", "index of the probe state"),)
 
+    def covers(self) -> tuple[tuple[float, float], ...]:
+        """The box, from low to high along each dimension of a state."""
+        return tuple(zip(self.coding.low, self.coding.high, strict=True))
+
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The target start and two probes more."""
         return tuple((float(place),) for place in (0, self.cut.probes // 2, self.cut.probes - 1))

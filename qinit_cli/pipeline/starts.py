@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from qinit_cli.environments import Family
+from qinit_cli.environments.tiled import PROBES, WEIGHTS, TiledFamily
+from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import Method
 from qinit_cli.pipeline.knowledge import Knowledge
 
@@ -25,9 +28,14 @@ class StartTable:
 
     start: Floats  # (*states, A)
     axes: Mapping[str, Any]  # the labels of each axis, texts or numbers, in order
-    about: Mapping[str, str]  # method and fit, as a file tells them
+    low: Floats  # (D,) where the first bin of each state axis begins, NaN where that is unknown
+    high: Floats  # (D,) where the last one ends
+    about: Mapping[str, str | float]  # method, fit, family and discount, as a file tells them
     filled: int
     clipped: int
+    tiles: Mapping[
+        str, Any
+    ]  # `weights` (T, A), `probes` (P, D), `tilings` and `tiles` where the values are of tiles, else nothing
 
 
 def start_table(known: Knowledge, method: Method) -> StartTable:
@@ -35,20 +43,42 @@ def start_table(known: Knowledge, method: Method) -> StartTable:
     family = known.family
     initial = method.initial_of_all(known.fit, family, known.learning)
     axes = {axis.name: _labels(axis.values) for axis in family.axes()}
+    low, high = np.array(family.covers(), np.float64).T.copy()
     return StartTable(
         start=initial.start.reshape(*family.shape, -1),
         axes=axes | {"action": np.array(family.actions)},
-        about={"method": method.label, "fit": known.content_sha256, "family": family.label},
+        low=low,
+        high=high,
+        about={
+            "method": method.label,
+            "fit": known.content_sha256,
+            "family": family.label,
+            "gamma": known.learning.gamma,
+        },
         filled=initial.filled,
         clipped=initial.clipped,
+        tiles=_tiles(family, initial.start),
     )
+
+
+def _tiles(family: Family, start: Floats) -> dict[str, Any]:
+    """What makes values at probes a function of continuous states; nothing for tables."""
+    if not isinstance(family, TiledFamily):
+        return {}
+    return {
+        WEIGHTS: family.to_weights(start),
+        PROBES: family.projection.probes,
+        "tilings": np.array(family.cut.tilings),
+        "tiles": np.array(family.cut.tiles),
+    }
 
 
 def encoded(table: StartTable, ending: str) -> bytes:
     """The bytes of a file with this ending; the same table gives the same bytes.
 
-    .npy: `start` alone. .npz: `start`, its axes by name, method, fit (content hash) and family. .csv: a row for each entry, the
-    labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    .npy: `start` alone. .npz: `start`, its axes by name, `low`, `high`, method, fit (content hash), family and gamma. .csv: a row
+    for each entry, the labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    NotAllowed for .npz where a state axis has the name of another array.
     """
     if ending == ".csv":
         return _csv(table)
@@ -56,15 +86,22 @@ def encoded(table: StartTable, ending: str) -> bytes:
     if ending == ".npy":
         np.save(buffer, table.start)
     elif ending == ".npz":
-        arrays = {
-            "start": table.start,
-            **table.axes,
-            **{name: np.array(text) for name, text in table.about.items()},
-        }
+        others = {"start": table.start, **_beside(table)}
+        if taken := sorted(others.keys() & table.axes.keys()):
+            raise NotAllowed(
+                f"the state axis {taken[0]} has the name of another array of the .npz; write .h5 or .csv instead"
+            )
+        arrays = {"start": others.pop("start"), **table.axes, **others}
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
     else:
         _write_h5(buffer, table)
     return buffer.getvalue()
+
+
+def _beside(table: StartTable) -> dict[str, Any]:
+    """What stands beside the table and its axes, as arrays."""
+    about = {name: np.array(told) for name, told in table.about.items()}
+    return {"low": table.low, "high": table.high, **table.tiles, **about}
 
 
 def _csv(table: StartTable) -> bytes:
@@ -87,6 +124,9 @@ def _write_h5(buffer: io.BytesIO, table: StartTable) -> None:
             scale.make_scale(name)
             start.dims[place].attach_scale(scale)
         file.attrs.update(table.about)
+        file.attrs.update({"low": table.low, "high": table.high})
+        for name, values in table.tiles.items():
+            file.create_dataset(name, data=values, track_times=False)
 
 
 def _labels(values: Any) -> Any:
