@@ -20,6 +20,7 @@ class QLearner(Learner):
     """
 
     name: ClassVar[str] = "q-learning"
+    blends: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """No memory of its own."""
@@ -37,6 +38,7 @@ class Sarsa(Learner):
     """
 
     name: ClassVar[str] = "sarsa"
+    blends: ClassVar[bool] = True
     waits: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
@@ -54,6 +56,7 @@ class ExpectedSarsa(Learner):
     """
 
     name: ClassVar[str] = "expected-sarsa"
+    blends: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """No memory of its own."""
