@@ -140,12 +140,12 @@ class LearningTargets:
     keep_q: bool = option(False, "Keep the learned tables too.", seldom=True)
     blend: Literal["none", "knownness"] = option(
         "none",
-        "Act on (1 - k) Q0 + k Q, Q0 the start and Q learned from 0 (knownness), or learn from the start (none).",
+        "Act on (1 - k) Q0 + k Q, with Q0 the start and Q learned from a return of 0 (knownness); none: learn from the start.",
         seldom=True,
     )
     known_at: int | None = option(
         None,
-        "Updates of a state-action, or of each of its tiles, after which k is 1; before, k is their share of it.",
+        "k is min(1, n / N) after n updates of a state-action, or of a tile's weight.",
         low=1,
         metavar="N",
         default_text=f"{KNOWN_AT}, with --blend knownness",
