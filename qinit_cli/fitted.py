@@ -96,6 +96,9 @@ class FittedTables:
     library_q: Floats  # (K, S, A)
     library_td_var: Floats  # (K, S, A)
     estimator: str
+    library_weights: Floats | None = (
+        None  # (K, T, A) of the tiles whose sums library_q are; None: they are tables
+    )
     bounds: ReturnBounds = UNIT  # of the sources' returns
 
     TABLES: ClassVar[tuple[str, ...]] = (
@@ -141,6 +144,7 @@ class FittedTables:
             **flat,
             **library,
             value_mean=arrays["value_mean"].reshape(states),
+            library_weights=arrays.get("library_weights"),
             estimator=estimator,
             bounds=bounds,
         )

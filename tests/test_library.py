@@ -34,6 +34,10 @@ FAMILY = {
     "windy-gridworld": {"size": 5},
     "mixture-gridworld": {"size": 5},
     "gym": {"env_id": "FrozenLake-v1"},
+    "continuous-gridworld": {"bins": "6"},
+    "puddle-world": {"bins": "6"},
+    "cart-pole": {"bins": "1,3,4,3"},
+    "acrobot": {"bins": "3"},
     "tasks": {"file": str(MAPS), "use": "0:3"},
 }
 WORDS = {
@@ -42,6 +46,10 @@ WORDS = {
     "windy-gridworld": ("--size", 5),
     "mixture-gridworld": ("--size", 5),
     "gym": ("FrozenLake-v1",),
+    "continuous-gridworld": ("--bins", "6"),
+    "puddle-world": ("--bins", "6"),
+    "cart-pole": ("--bins", "1,3,4,3"),
+    "acrobot": ("--bins", "3"),
     "tasks": (MAPS, "--use", "0:3"),
 }
 

@@ -54,14 +54,14 @@ class SourceMoments:
     """What a fit knows of its sources; cells are (STATE, A), those of `value` (STATE)."""
 
     log_q: Moments  # of ln Q over the tasks with Q > 0
-    q: Moments  # of Q over the same tasks
+    q: Moments  # of Q over the same tasks, or over all
     eopl: Moments  # over the tasks whose path arrives
     value: Moments  # of max_a Q, over all tasks, nothing masked
 
     @property
     def n_masked(self) -> Integers:
-        """Tasks left out of `log_q` and `q` because Q <= 0 there, (STATE, A)."""
-        return self.value.n[..., None] - self.q.n
+        """Tasks left out of `log_q` because Q <= 0 there, (STATE, A)."""
+        return self.value.n[..., None] - self.log_q.n
 
 
 def moments(values: Floats, counted: Flags) -> Moments:
@@ -93,29 +93,31 @@ def merged(first: Moments, second: Moments) -> Moments:
     )
 
 
-def block_moments(q: Floats, eopl: NDArray[np.integer]) -> SourceMoments:
+def block_moments(q: Floats, eopl: NDArray[np.integer], *, estimates: bool = False) -> SourceMoments:
     """Moments of one block of tasks: `q` and `eopl` are (N, STATE, A).
 
     Entries with Q <= 0 are masked, never floored: one floored 1e-10 among 100 inflates exp(mu + sigma^2/2)
-    sixfold.
+    sixfold. In a table they are unknown, `estimates` are values of their own, which have no logarithm.
     An EOPL of -1 (never arrives) is no length; 0 (the state is the goal) is one, by definition 1.
     """
     positive = q > 0
     value = q.max(axis=-1)
     return SourceMoments(
         log_q=moments(ln(np.where(positive, q, 1.0)), positive),
-        q=moments(q, positive),
+        q=moments(q, np.ones(q.shape, dtype=np.bool_) if estimates else positive),
         eopl=moments(eopl.astype(np.float64), eopl >= 0),
         value=moments(value, np.ones(value.shape, dtype=np.bool_)),
     )
 
 
-def source_moments(blocks: Iterable[tuple[Floats, NDArray[np.integer]]]) -> SourceMoments:
+def source_moments(
+    blocks: Iterable[tuple[Floats, NDArray[np.integer]]], *, estimates: bool = False
+) -> SourceMoments:
     """Moments over all tasks of the blocks (q, eopl), each (N, STATE, A) with N free to differ.
 
     One block is in memory at a time.
     """
-    return reduce(_merged_sources, (block_moments(q, eopl) for q, eopl in blocks))
+    return reduce(_merged_sources, (block_moments(q, eopl, estimates=estimates) for q, eopl in blocks))
 
 
 def _merged_sources(first: SourceMoments, second: SourceMoments) -> SourceMoments:

@@ -49,18 +49,26 @@ RETURNS = {
     "eval_return",
     "average",
 }
+LEARNED = {"q", "mean", "min", "max", "value_mean", "library_q"}  # of them those that learning leaves
 SPREADS = {"std": 1, "td_var": 2, "library_td_var": 2}
 
 
-def within_bounds(columns: Iterable[Column], bounds: ReturnBounds) -> tuple[Column, ...]:
-    """The columns, made for returns from 0 to 1, with the least and the largest value that these bounds allow."""
+def within_bounds(
+    columns: Iterable[Column], bounds: ReturnBounds, *, tiled: bool = False
+) -> tuple[Column, ...]:
+    """The columns, made for returns from 0 to 1, with the least and the largest value that these bounds allow.
+
+    Values that are `tiled` are estimates that may leave the bounds.
+    """
     from dataclasses import replace
 
-    if bounds == UNIT:
-        return tuple(columns)
     slack = ROUNDING * bounds.width
-    limits = dict.fromkeys(RETURNS, (bounds.low - slack, bounds.high + slack))
-    limits |= {name: (0.0, bounds.width**power * (1 + ROUNDING)) for name, power in SPREADS.items()}
+    limits: dict[str, tuple[float | None, float | None]] = {}
+    if bounds != UNIT:
+        limits |= dict.fromkeys(RETURNS, (bounds.low - slack, bounds.high + slack))
+        limits |= {name: (0.0, bounds.width**power * (1 + ROUNDING)) for name, power in SPREADS.items()}
+    if tiled:
+        limits |= dict.fromkeys(LEARNED, (None, None)) | dict.fromkeys(SPREADS, (0.0, None))
     return tuple(
         replace(one, low=limits[one.name][0], high=limits[one.name][1]) if one.name in limits else one
         for one in columns

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import Kind, Reported, Shown
+from qinit_cli.environments.tiled import PROBES
 from qinit_cli.rewards import SHARE, UNIT, ReturnBounds
 
 if TYPE_CHECKING:
@@ -31,12 +32,15 @@ class FitKind(Kind["FitSettings"]):
     indices = ("library", "held_out")
     described = ("library",)
 
+    def asked(self, spec: Spec) -> tuple[str, ...]:
+        return (PROBES,) if self.read(spec).sources.family.tiled else ()
+
     def read(self, spec: Spec) -> FitSettings:
         from qinit_cli.artefacts.settings import FitSettings
 
         return FitSettings.read(spec)
 
-    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
+    def least(self, states: tuple[Axis, ...], action: Axis, there: Container[str]) -> tuple[Column, ...]:
         return fit_schema(states, action, 1).columns
 
     def columns(self, artefact: Artefact) -> tuple[Column, ...]:
@@ -54,7 +58,8 @@ class FitKind(Kind["FitSettings"]):
             library,
             *fit_statistics(everything, names),
             bounds=bounds,
-            variances=not sources.imported,
+            variances=sources.varied,
+            tiled=sources.family.tiled,
         ).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
@@ -109,6 +114,8 @@ def fit_schema(
     more: tuple[Column, ...] = (),
     bounds: ReturnBounds = UNIT,
     variances: bool = True,
+    *,
+    tiled: bool = False,
 ) -> Schema:
     """What a fit holds of its sources, with the tables of the first `library` of them, and what was asked on top.
 
@@ -196,5 +203,12 @@ def fit_schema(
     )
     axes = (*state_axes, action, index("library", library), *more_axes)
     return Schema(
-        "fit", axes, (*within_bounds(moments, bounds), *counts, *within_bounds(tables, bounds), *more)
+        "fit",
+        axes,
+        (
+            *within_bounds(moments, bounds, tiled=tiled),
+            *counts,
+            *within_bounds(tables, bounds, tiled=tiled),
+            *more,
+        ),
     )

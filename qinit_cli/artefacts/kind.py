@@ -6,7 +6,7 @@ A kind is known before anything is computed, so it imports numpy, and what needs
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeVar
 
@@ -84,8 +84,8 @@ class Kind(ABC, Generic[Told]):
     def read(self, spec: Spec) -> Told:
         """The settings of an artefact; ValueError, in one clause, for the first that cannot be."""
 
-    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
-        """The columns that it has whatever its options, over these axes."""
+    def least(self, states: tuple[Axis, ...], action: Axis, there: Container[str]) -> tuple[Column, ...]:
+        """The columns that it has whatever its options, over these axes, given the names of those that are there."""
         raise NotImplementedError
 
     def lack(self, schema: Schema, *, part: bool) -> str:
@@ -103,7 +103,7 @@ class Kind(ABC, Generic[Told]):
         if len(dims) < 2:
             return "its tables over states and actions"
         *states, action = (Axis(name, np.arange(1)) for name in dims)
-        for wanted in self.least(tuple(states), action):
+        for wanted in self.least(tuple(states), action, there):
             found = there.get(wanted.name)
             if found is None or not serves(found, wanted, wanted.name in self.free):
                 return f"{wanted.name} ({wanted.dtype}) over {', '.join(wanted.dims)}"
@@ -164,9 +164,12 @@ class Kind(ABC, Generic[Told]):
 
     def family(self, artefact: Artefact) -> Family:
         """The family of its tasks; NotAllowed if that is not installed, or has other states here."""
+        from qinit_cli.environments.tiled import PROBES, TiledFamily
         from qinit_cli.errors import NotAllowed
 
-        family = self.read(artefact.spec).sources.family.installed(artefact.provenance)
+        family: Family = self.read(artefact.spec).sources.family.installed(artefact.provenance)
+        if isinstance(family, TiledFamily) and PROBES in {column.name for column in artefact.schema.columns}:
+            family = family.placed(artefact.read(PROBES))
         if not self.has_table(artefact.schema):
             return family
         wanted = (*family.shape, len(family.actions))

@@ -53,7 +53,7 @@ class RunKind(Kind["RunSettings"]):
 
         return RunSettings.read(spec)
 
-    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
+    def least(self, states: tuple[Axis, ...], action: Axis, there: Container[str]) -> tuple[Column, ...]:
         return run_schema(
             states,
             action,
@@ -117,6 +117,7 @@ class RunKind(Kind["RunSettings"]):
             moments=axes["moment"].values if "moment" in axes else None,
             bounds=self.read(artefact.spec).bounds,
             told_returns="return" in there,
+            tiled=self.read(artefact.spec).family.tiled,
         ).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
@@ -137,7 +138,7 @@ class RunKind(Kind["RunSettings"]):
             "potential": (min(0.0, bounds.low - (bounds != UNIT) * slack), max(0.0, bounds.high) + slack),
             "q": (bounds.low - width - slack, bounds.high + width + slack),
         }
-        ours = ours if own else {}
+        ours = ours if own and not settings.family.tiled else {}
         found = super().within(columns, artefact)
         return [
             replace(one, low=ours[one.name][0], high=ours[one.name][1]) if one.name in ours else one
@@ -273,11 +274,14 @@ def run_schema(
     attainable: bool = True,
     bounds: ReturnBounds = UNIT,
     told_returns: bool = False,
+    more_axes: tuple[Axis, ...] = (),
+    more: tuple[Column, ...] = (),
+    tiled: bool = False,
 ) -> Schema:
     """What target tasks leave behind; start and potential have a task axis where they depend on it.
 
     What is `attainable` while exploring is known of epsilon-greedy alone; of others v_eps is NaN. `told_returns`: the world tells
-    its rewards, so that returns do not follow from steps.
+    its rewards, so that returns do not follow from steps. `more` are the columns of `tiled` values.
     `updating`: each task adds to what those after it start from. Where `hypotheses` tables were weighed, their weights after so
     many episodes as `moments` says stand there too.
     """
@@ -361,7 +365,8 @@ def run_schema(
             "moment", np.empty(0, np.int64) if moments is None else moments, "1", "episodes that had ended"
         )
         indices += [after, index("hypothesis", hypotheses)]
-    return Schema("run", (*state_axes, action, *indices, digest_axis()), within_bounds(columns, bounds))
+    axes = (*state_axes, action, *more_axes, *indices, digest_axis())
+    return Schema("run", axes, (*within_bounds(columns, bounds, tiled=tiled), *more))
 
 
 def imported_run_schema(episodes: int, given: Container[str]) -> Schema:

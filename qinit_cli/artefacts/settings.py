@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from qinit_cli.environments import FAMILIES, Family
 from qinit_cli.environments.imported import ImportedTables
+from qinit_cli.environments.tiled import TiledFamily, Tiles
 from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
@@ -68,6 +69,7 @@ OF_TARGETS: dict[str, Any] = {  # what runs and tunings have in common
     "inputs": list,
 }
 OF_SET = ("estimator", "library", "holdout", "exclude_unlearned")  # options of a fit that a run names
+TILES = "tiles"  # the setting of a family that is learned by tiles
 LEFT_OUT = (
     "reward",
     "returns",
@@ -91,6 +93,9 @@ class StoredFamily:
     @classmethod
     def of(cls, family: Family) -> Self:
         """The family, to be stored."""
+        if isinstance(family, TiledFamily):
+            inner = cls.of(family.family)
+            return cls(inner.name, {**inner.options, TILES: asdict(family.cut)}, family)
         told = _plain(asdict(family))  # type: ignore[call-overload]  # a dataclass
         usual = {one.name: one.default for one in dataclasses.fields(family) if one.name in LEFT_OUT}  # type: ignore[arg-type]  # as above
         kept = {key: value for key, value in told.items() if key not in usual or value != usual[key]}
@@ -100,12 +105,21 @@ class StoredFamily:
     def read(cls, told: Any) -> Self:
         """ValueError where it cannot be."""
         name, options = _named(told, "the family")
-        here = _built(FAMILIES[name], options, f"the family {name}") if name in FAMILIES else None
+        own = {key: value for key, value in options.items() if key != TILES}
+        here: Any = _built(FAMILIES[name], own, f"the family {name}") if name in FAMILIES else None
+        if TILES in options:
+            cut = _built(Tiles, _object(options[TILES], TILES), TILES)
+            here = None if here is None else _built(TiledFamily, {"family": here, "cut": cut}, TILES)
         return cls(name, options, here)
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps it."""
         return {"name": self.name, **self.options}
+
+    @property
+    def tiled(self) -> bool:
+        """Whether values are sums of weights of tiles, at probes: no return bounds them, and nothing is counted by state."""
+        return TILES in self.options
 
     @property
     def label(self) -> str:
@@ -356,6 +370,11 @@ class SourcesSettings:
     def imported(self) -> bool:
         """Whether the tables were learned elsewhere: path lengths, steps and where targets start are unknown."""
         return self.learner == IMPORTED
+
+    @property
+    def varied(self) -> bool:
+        """Whether each value has a variance of TD errors."""
+        return not (self.imported or self.family.tiled)
 
     @property
     def sources(self) -> SourcesSettings:

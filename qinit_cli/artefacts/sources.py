@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
+from qinit_cli.environments.tiled import PROBES, WEIGHTS
 from qinit_cli.learning import EXACT
 from qinit_cli.rewards import SHARE, UNIT, ReturnBounds
 
@@ -43,8 +44,8 @@ class SourcesKind(Kind["SourcesSettings"]):
 
         return SourcesSettings.read(spec)
 
-    def least(self, states: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
-        return sources_schema(states, action, (), 0).columns
+    def least(self, states: tuple[Axis, ...], action: Axis, there: Container[str]) -> tuple[Column, ...]:
+        return sources_schema(states, action, (), 0, tiled=WEIGHTS in there).columns
 
     def lack(self, schema: Schema, *, part: bool) -> str:
         found = super().lack(schema, part=part)
@@ -56,7 +57,10 @@ class SourcesKind(Kind["SourcesSettings"]):
         settings = self.read(spec)
         if settings.imported:
             return () if settings.min_visits is None else ("visits",)
-        return OF_LEARNING if settings.learner == EXACT else (*OF_LEARNING, "curve_steps", "curve_reached")
+        if settings.learner == EXACT:
+            return OF_LEARNING
+        tiled = (WEIGHTS, PROBES) if settings.family.tiled else ()
+        return (*OF_LEARNING, *tiled, "curve_steps", "curve_reached")
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         from qinit_cli.learning import curve_bins
@@ -69,7 +73,8 @@ class SourcesKind(Kind["SourcesSettings"]):
         bounds = settings.bounds
         if settings.imported:
             return imported_schema(*self.axes(artefact), bounds).columns
-        return sources_schema(*self.axes(artefact), (), bins, bounds).columns
+        tiled = settings.family.tiled
+        return sources_schema(*self.axes(artefact), (), bins, bounds, tiled=tiled).columns
 
     def highest(self, artefact: Artefact) -> dict[str, float]:
         settings = self.read(artefact.spec)
@@ -105,13 +110,14 @@ class SourcesKind(Kind["SourcesSettings"]):
         start_values: list[Floats] = []
         errors: list[Floats] = []
         parameters = [] if family is None else [column.name for column in family.parameters()]
-        columns = ("q", "visits", "solved", "steps", "seconds", *parameters)
+        counted = ("visits",) * (not settings.family.tiled)
+        columns = ("q", *counted, "solved", "steps", "seconds", *parameters)
         bounds = settings.bounds
         for block in blocks_in_shares(artefact, columns):
             solved += int(block["solved"].sum())
             steps += int(block["steps"].sum())
             seconds += float(block["seconds"].sum())
-            unvisited += int((block["visits"] == 0).sum())
+            unvisited += int((block["visits"] == 0).sum()) if counted else 0
             not_positive += int((block["q"] <= 0).sum())
             entries += block["q"].size
             if family is not None and present:
@@ -128,7 +134,7 @@ class SourcesKind(Kind["SourcesSettings"]):
             "seconds": seconds,
         }
         numbers |= {"entries": entries, "entries_not_positive": not_positive}
-        if settings.learner != EXACT:
+        if settings.learner != EXACT and counted:
             numbers["entries_never_visited"] = unvisited
         if errors:
             numbers |= _error_numbers(np.array(errors).reshape(len(errors), -1), artefact.tasks)
@@ -158,12 +164,22 @@ def sources_schema(
     parameters: tuple[Column, ...],
     bins: int,
     bounds: ReturnBounds = UNIT,
+    more_axes: tuple[Axis, ...] = (),
+    more: tuple[Column, ...] = (),
+    *,
+    tiled: bool = False,
 ) -> Schema:
-    """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve."""
+    """What source tasks leave behind; `bins` 0 for the exact learner, which has no learning curve.
+
+    Of `tiled` values neither visits nor errors are counted; `more` are the columns that they have besides.
+    """
     from qinit_cli.artefacts.columns import ROUNDING, index, kept, within_bounds
     from qinit_store.schema import TASK, Column, Schema, digest_axis
 
-    tables = within_bounds(table_columns(state_axes, action), bounds)
+    columns = [
+        one for one in table_columns(state_axes, action) if not (tiled and one.name in ("td_var", "visits"))
+    ]
+    tables = within_bounds(columns, bounds, tiled=tiled)
     curve = (
         Column("curve_steps", (TASK, "bin"), "f4", "step", "mean steps over equal bins of episodes", low=0),
         Column(
@@ -182,8 +198,8 @@ def sources_schema(
         Column("steps", (TASK,), "i8", "step", "environment steps simulated", low=0),
         *kept(),
     )
-    axes = (*state_axes, action, *([index("bin", bins)] if bins else []), digest_axis())
-    return Schema("sources", axes, (*tables, *(curve if bins else ()), *parameters, *totals))
+    axes = (*state_axes, action, *more_axes, *([index("bin", bins)] if bins else []), digest_axis())
+    return Schema("sources", axes, (*tables, *more, *(curve if bins else ()), *parameters, *totals))
 
 
 def table_columns(state_axes: tuple[Axis, ...], action: Axis) -> tuple[Column, ...]:
@@ -252,7 +268,8 @@ class Shares:
         if settings.imported:
             return cls(bounds, settings.min_visits)
         # a learned table holds its start where it was never visited, which may be any return
-        return cls(bounds, None if settings.learner == EXACT or bounds == UNIT else 1)
+        uncounted = settings.learner == EXACT or settings.family.tiled
+        return cls(bounds, None if uncounted or bounds == UNIT else 1)
 
     @property
     def needed(self) -> tuple[str, ...]:

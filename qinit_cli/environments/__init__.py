@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from qinit_cli.environments.acrobot import Acrobot
+from qinit_cli.environments.cart_pole import CartPole
+from qinit_cli.environments.continuous_gridworld import ContinuousGridworld
 from qinit_cli.environments.family import Family
 from qinit_cli.environments.gridworld import Gridworld
 from qinit_cli.environments.gym import Gym
@@ -14,13 +17,25 @@ from qinit_cli.environments.imported import ImportedTables
 from qinit_cli.environments.mixture_gridworld import MixtureGridworld
 from qinit_cli.environments.mountain_car import MountainCar
 from qinit_cli.environments.own_tasks import OwnTasks
+from qinit_cli.environments.puddle_world import PuddleWorld
 from qinit_cli.environments.windy_gridworld import WindyGridworld
 from qinit_cli.registry import Registry
 
 FAMILIES: Registry[Family] = Registry(
     "qinit.families",
     "family",
-    (Gridworld, MountainCar, WindyGridworld, MixtureGridworld, Gym, OwnTasks),
+    (
+        Gridworld,
+        MountainCar,
+        WindyGridworld,
+        MixtureGridworld,
+        ContinuousGridworld,
+        PuddleWorld,
+        CartPole,
+        Acrobot,
+        Gym,
+        OwnTasks,
+    ),
     lambda found: _fault(found),
     unlisted=(ImportedTables,),  # read from artefacts, never learned
 )

@@ -29,6 +29,7 @@ class DrawnFamily:
     """What families have in common whose tasks are drawn, each by itself, and start where all start."""
 
     name: ClassVar[str]
+    counted: ClassVar[bool] = True
 
     def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
         """One task: a value for each parameter."""
@@ -59,6 +60,17 @@ class DrawnFamily:
                 f"{self.name} draws its tasks, and {given} is about tasks of a file; leave it out"
             )
         return self
+
+    def to_weights(self, table: Floats) -> Floats:
+        """What the loop learns in the place of a table (..., S, A): the table itself."""
+        return table
+
+    def kept(self, weights: Floats) -> dict[str, Floats]:
+        """What is kept of learned weights (B, S, A), by the names of columns: the table."""
+        return {"q": weights}
+
+    def check_learned(self, weights: Floats, width: float) -> None:
+        """Nothing: a table does not diverge."""
 
     def start_value(self, q: Floats) -> Floats:
         """max_a of `q` (B, S, A) at the target start, (B,)."""

@@ -42,6 +42,11 @@ class Family(Protocol):
         ...
 
     @property
+    def counted(self) -> bool:
+        """Whether visits and squared TD errors are counted by state-action."""
+        ...
+
+    @property
     def tabular(self) -> bool:
         """Whether it is Markov in its table's states: exact tables exist."""
         ...
@@ -137,6 +142,18 @@ class Family(Protocol):
         """
         ...
 
+    def to_weights(self, table: Floats) -> Floats:
+        """What the loop learns in the place of a table (..., S, A) of values: that table, or weights (..., T, A)."""
+        ...
+
+    def kept(self, weights: Floats) -> dict[str, Floats]:
+        """What sources keep of learned weights (B, T, A), by the names of columns: `q` (B, S, A), and what else there is."""
+        ...
+
+    def check_learned(self, weights: Floats, width: float) -> None:
+        """NotAllowed where weights (B, T, A) are no estimate of returns that span `width`: learning diverged."""
+        ...
+
     def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:
         """Exact Q* and the variance of a step's target under it, (B, S, A) each; NotAllowed if not tabular."""
         ...
@@ -154,7 +171,10 @@ class Family(Protocol):
         ...
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
-        """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper."""
+        """Expected optimal path lengths, (B, S, A), -1 where a path never arrives; definition 1 of the paper.
+
+        `q` is what was learned, here and in `solved`: weights (B, T, A) where these are no table.
+        """
         ...
 
     def log_path(self, tasks: Tasks, lengths: NDArray[np.integer]) -> Floats:

@@ -105,6 +105,14 @@ class MountainCar(DrawnFamily):
             ),
         )
 
+    def box(self) -> tuple[tuple[str, float, float], ...]:
+        """Name, low and high of each dimension of the continuous state."""
+        return ("position", *POSITIONS), ("velocity", *VELOCITIES)
+
+    def target_state(self) -> tuple[float, ...]:
+        """Where targets start: at rest in the valley."""
+        return START
+
     def shown_states(self) -> tuple[tuple[float, ...], ...]:
         """The start, a state on the way and one that arrives; Figure 10 of the paper."""
         return (-0.5, 0.0), (-0.3, 0.02), (0.2, 0.04)

@@ -278,7 +278,10 @@ def _choosing(
     batch, states, actions = shape
     if policies is None or len(policies.actions) == 0:
         return None
-    _expect("policies", policies.actions.shape, (len(policies.actions), states))
+    if policies.weights is None:
+        _expect("policies", policies.actions.shape, (len(policies.actions), states))
+    else:
+        _expect("policies' weights", policies.weights.shape, (len(policies.actions), states, actions))
     if rng is None or policies.actions.min() < 0 or policies.actions.max() >= actions:
         raise ValueError(f"policies need streams of their own, and actions from 0 to {actions - 1}")
     _expect("choice streams", rng.shape, (batch, 4))

@@ -12,7 +12,7 @@ from qinit_cli.kernels.choices import ACTIONS
 from qinit_cli.kernels.compiled import inlined, inner
 from qinit_cli.kernels.lane import WideMemory, largest, picked, width_of
 from qinit_cli.kernels.parts import body, part
-from qinit_cli.kernels.policies import followed, follows
+from qinit_cli.kernels.policies import followed, follows, policy_action
 from qinit_cli.kernels.random_streams import LOW_12, LOW_20, TWELVE, exploration_limit
 from qinit_cli.kernels.vectors import WIDTH
 from qinit_cli.schedules import Schedule
@@ -96,7 +96,7 @@ def _limit_of_episode(explore, episode):
 def choose(memory, explore, step, lane, state, episode, choosing):
     """What a lane's step does: its choice, see choices.py, and the action that follows from it."""
     choice, tied = bits(explore, memory, step, lane, state, episode)
-    choice = choice | tied if choosing is None else followed(choosing, lane, choice, tied, state)
+    choice = choice | tied if choosing is None else followed(memory, choosing, lane, choice, tied, state)
     return choice, ACTIONS[choice]
 
 
@@ -106,7 +106,7 @@ def choose_wide(memory, explore, step, lane, state, episode, choosing):
     if choosing is not None:
         follows_policy = follows(choosing, lane)
         if follows_policy and not (explores and choosing.explore_while_following):
-            action = np.int64(choosing.policies[choosing.chosen[lane], state])
+            action = policy_action(memory, choosing, lane, state)
     return _NONE, action
 
 

@@ -7,7 +7,6 @@ continuous; the table sees its bin, row position and column velocity. Actions: 0
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -17,14 +16,15 @@ from numpy.typing import NDArray
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.choices import NO_SLIP, decide
 from qinit_cli.kernels.compiled import inlined, inner
+from qinit_cli.kernels.continuous import coordinate, end_at, put_state
 from qinit_cli.kernels.cosine import cosine
 from qinit_cli.kernels.lane import BLOCK
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
-from qinit_cli.kernels.random_streams import Words, unit
+from qinit_cli.kernels.random_streams import Words, two_normals, unit
 from qinit_cli.kernels.reals import EIGHT, bits, chosen, load_reals, reals, store_reals, store_whole, whole
 from qinit_cli.kernels.worlds import GOAL as REACHED
-from qinit_cli.kernels.worlds import beside, coordinate, move, moves_at_once, place_of, prepare, put_state, starts, steps
+from qinit_cli.kernels.worlds import beside, move, moves_at_once, place_of, prepare, starts, steps
 from qinit_cli.learning import Learning
 
 LEFT, RIGHT, GOAL, FASTEST = -1.2, 0.6, 0.5, 0.07
@@ -86,9 +86,9 @@ class MountainCars:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, CarWorld]:
         """The compiled loop and the world it takes."""
-        return compiled_loop(learning, CarWorld), self.continuous(lanes)
+        return compiled_loop(learning, CarWorld), self.continuous(lanes, learning.horizon)
 
-    def continuous(self, lanes: int) -> CarWorld:
+    def continuous(self, lanes: int, horizon: int) -> CarWorld:
         """The cars as a world in that many lanes."""
         if lanes % EIGHT:
             raise ValueError(f"{lanes} lanes; Mountain Car is learned in multiples of {EIGHT}")
@@ -228,9 +228,13 @@ def _coordinate(world, lane, dimension):
 
 
 @body(put_state, CarWorld)
-def _put_state(world, task, lane, state):
-    world.lane_eta[lane] = world.eta[task]
+def _put_state(world, lane, state):
     _put(world, lane, state[0], state[1])
+
+
+@body(end_at, CarWorld)
+def _end_at(world, task, lane):
+    return REACHED if is_done(world.position[lane], world.velocity[lane]) else 0
 
 
 @inlined
@@ -280,10 +284,6 @@ def _draw_gusts(gusts, world, lane, task, rng):
 
 @inlined
 def _gusts(eta, noise, rng):
-    """Two normal pushes around eta; Marsaglia's polar method."""
-    x, y, square = 0.0, 0.0, 0.0
-    while square == 0.0 or square >= 1.0:
-        x, y = 2 * unit(rng) - 1, 2 * unit(rng) - 1
-        square = x * x + y * y
-    scale = noise * math.sqrt(-2 * math.log(square) / square)
-    return eta + scale * x, eta + scale * y
+    """Two normal pushes around eta."""
+    one, other = two_normals(noise, rng)
+    return eta + one, eta + other

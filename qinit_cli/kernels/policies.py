@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qinit_cli.arrays import Integers
+from qinit_cli.arrays import Floats, Integers
 from qinit_cli.kernels.compiled import inlined, inner
+from qinit_cli.kernels.parts import part
 from qinit_cli.kernels.random_streams import Words, below, unit
+from qinit_cli.kernels.vectors import WIDTH
 
 _ONE, _TIES = np.uint64(1), np.uint64(15)
 
@@ -27,6 +29,9 @@ class Policies:
     """Policies of solved tasks to choose among while learning, and how."""
 
     actions: Integers  # (K, S)
+    weights: Floats | None = (
+        None  # (K, T, A) of tiles, in whose values they are greedy, in the place of a table's states
+    )
     c: float = 0.1
     psi0: float = 1.0
     rho: float = 0.99
@@ -37,7 +42,7 @@ class Policies:
 class Choosing(NamedTuple):
     """The policies of a batch, K of them, and what the task of each lane knows about them."""
 
-    policies: Any  # u2 (K, S) actions
+    policies: Any  # u2 (K, S) actions, or f8 (K, T * W) weights as tiles.TileMemory has them
     c: float
     psi0: float
     rho: float
@@ -56,8 +61,12 @@ class Choosing(NamedTuple):
 def new_choosing(policies: Policies, rng: Words, lanes: int) -> Choosing:
     """What the loops need to choose among policies in that many lanes."""
     count = len(policies.actions)
+    told: Any = np.ascontiguousarray(policies.actions, np.uint16)
+    if policies.weights is not None:
+        room = -policies.weights.shape[2] % WIDTH
+        told = np.pad(policies.weights, ((0, 0), (0, 0), (0, room))).reshape(count, -1)
     return Choosing(
-        policies=np.ascontiguousarray(policies.actions, np.uint16),
+        policies=told,
         c=float(policies.c),
         psi0=float(policies.psi0),
         rho=float(policies.rho),
@@ -105,15 +114,21 @@ def follows(choosing, lane):
     return followed
 
 
+@part
+def policy_action(memory, choosing, lane, state):
+    """What the episode's policy does in a state."""
+    return np.int64(choosing.policies[choosing.chosen[lane], state])
+
+
 @inlined
-def followed(choosing, lane, choice, ties, state):
+def followed(memory, choosing, lane, choice, ties, state):
     """The step's choice with its tied actions: the policy's alone if the step follows it, else the greedy ones."""
     choice = np.uint64(choice)
     if not follows(choosing, lane):
         return choice | ties
     if not choosing.explore_while_following:
         choice &= ~_TIES
-    return choice | _ONE << np.uint64(choosing.policies[choosing.chosen[lane], state])
+    return choice | _ONE << np.uint64(policy_action(memory, choosing, lane, state))
 
 
 @inner

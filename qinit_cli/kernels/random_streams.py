@@ -9,6 +9,7 @@ evaluation, choices of a method) is drawn from scalar streams of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -85,3 +86,14 @@ def below(words, count):
 def unit(words):
     """A uniform number in [0, 1), resolved to 2^-53; moves `words` on."""
     return np.float64(draw(words) >> ELEVEN) * 2.0**-53
+
+
+@inlined
+def two_normals(deviation, words):
+    """Two independent normals around 0 with that standard deviation, by Marsaglia's polar method; moves `words` on."""
+    x, y, square = 0.0, 0.0, 0.0
+    while square == 0.0 or square >= 1.0:
+        x, y = 2 * unit(words) - 1, 2 * unit(words) - 1
+        square = x * x + y * y
+    scale = deviation * math.sqrt(-2 * math.log(square) / square)
+    return scale * x, scale * y

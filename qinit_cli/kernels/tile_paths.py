@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.kernels.compiled import kept_with, unkept
+from qinit_cli.kernels.continuous import coordinate, end_at, put_state
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import THIRTY_TWO, draw
-from qinit_cli.kernels.worlds import GOAL, coordinate, put_state, start_of, step_of
+from qinit_cli.kernels.worlds import GOAL, start_of, step_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Floats
     from qinit_cli.kernels.random_streams import Words
-    from qinit_cli.kernels.tiles import TiledWorlds
+    from qinit_cli.kernels.tiles import TiledWorld, TiledWorlds
 
 LANE = 0  # a path is followed alone
 
@@ -28,22 +29,22 @@ def path_lengths(
 ) -> NDArray[np.int32]:
     """Steps to the goal from each state (P, D) by each action first, (B, P, A); -1 where the greedy path does not arrive.
 
-    `weights` (B, T, A) are the tasks', `rng` (B, 4) what steps draw from: where they are noisy, a path is one of many.
+    `weights` (B, T, A) are the tasks', `rng` (B, 4) what steps draw from. Paths are without noise; 0 in a state of the goal.
     """
-    world = worlds.world(worlds.lanes)
+    world = _alone(worlds, horizon, noisy=False)
     lengths = np.empty((len(weights), len(states), worlds.actions), np.int32)
     _compiled("lengths", type(world.inner).__module__)(world, rng.copy(), weights, states, horizon, lengths)
     return lengths
 
 
 def greedy_paths(
-    worlds: TiledWorlds, rng: Words, weights: Floats, horizon: int, *, anywhere: bool
+    worlds: TiledWorlds, rng: Words, weights: Floats, horizon: int, *, anywhere: bool, noisy: bool = True
 ) -> tuple[Floats, NDArray[np.int64]]:
     """The states (B, H + 1, D) of a greedy path of each task from where targets start, or anywhere, and its steps, (B,).
 
-    Steps are -1 where the path does not arrive; its states from there on are NaN.
+    Steps are -1 where the path does not arrive; its states from its end on are NaN.
     """
-    world = worlds.world(worlds.lanes)
+    world = _alone(worlds, horizon, noisy=noisy)
     states = np.full((len(weights), horizon + 1, len(world.low)), np.nan)
     steps = np.empty(len(weights), np.int64)
     _compiled("paths", type(world.inner).__module__)(
@@ -52,9 +53,18 @@ def greedy_paths(
     return states, steps
 
 
+def _alone(worlds: TiledWorlds, horizon: int, *, noisy: bool) -> TiledWorld:
+    """The world in which paths are followed."""
+    world = worlds.world(worlds.lanes, horizon)
+    if noisy or "noise" not in world.inner._fields:
+        return world
+    return world._replace(inner=world.inner._replace(noise=0.0))
+
+
 @cache
 def _compiled(name: str, module: str) -> Function:
-    made: Function = kept_with((module,), {"lengths": _lengths, "paths": _paths}[name])
+    functions: dict[str, Any] = {"lengths": _lengths, "paths": _paths}
+    made: Function = kept_with((module,), functions[name])
     return made
 
 
@@ -62,8 +72,13 @@ def _lengths(world, rng, weights, states, horizon, lengths):
     for task in range(len(weights)):
         for state in range(len(states)):
             for first in range(lengths.shape[2]):
-                put_state(world.inner, task, LANE, states[state])
-                action, steps, code = first, 0, 0
+                start_of(world.inner, task, LANE, rng[task], False)
+                put_state(world.inner, LANE, states[state])
+                code = np.int64(end_at(world.inner, task, LANE))
+                if code != 0:
+                    lengths[task, state, first] = 0 if code == GOAL else -1
+                    continue
+                action, steps = first, 0
                 while code >= 0 and steps < horizon:
                     code = _step(world, task, action, rng)
                     steps += 1
@@ -104,7 +119,9 @@ def _greedy(world, weights):
         for tiling in range(world.offsets.shape[1]):
             tile = np.int64(world.first[tiling])
             for dimension in range(len(world.low)):
-                inside = (coordinate(world.inner, LANE, dimension) - world.low[dimension]) * world.scale[dimension]
+                inside = (coordinate(world.inner, LANE, dimension) - world.low[dimension]) * world.scale[
+                    dimension
+                ]
                 inside = min(max(inside, 0.0), world.top)
                 tile += np.int64(inside + world.offsets[dimension, tiling]) * world.strides[dimension]
             summed += weights[tile // world.width, action]

@@ -15,7 +15,8 @@ import numpy as np
 
 from qinit_cli.arrays import Integers
 from qinit_cli.kernels.blend import blended, learn_blended, learned_value
-from qinit_cli.kernels.compiled import inlined
+from qinit_cli.kernels.compiled import inlined, unkept_inlined
+from qinit_cli.kernels.continuous import coordinate
 from qinit_cli.kernels.exploration import choose, choose_wide
 from qinit_cli.kernels.lane import (
     BLOCK,
@@ -36,6 +37,7 @@ from qinit_cli.kernels.lane import (
 )
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function, body
+from qinit_cli.kernels.policies import policy_action
 from qinit_cli.kernels.random_streams import Words
 from qinit_cli.kernels.traces import meet, meet_step, traced
 from qinit_cli.kernels.vectors import WIDTH
@@ -43,10 +45,8 @@ from qinit_cli.kernels.worlds import (
     CUT,
     LOST,
     beside,
-    coordinate,
     move,
     moves_at_once,
-    place_of,
     prepare,
     start_of,
     starts,
@@ -154,14 +154,14 @@ class TiledWorlds:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, TiledWorld]:
         """The compiled loop and the world it takes."""
-        world = self.world(lanes)
+        world = self.world(lanes, learning.horizon)
         return compiled_loop(learning, TiledWorld, type(world.inner)), world
 
-    def world(self, lanes: int) -> TiledWorld:
-        """The world in that many lanes."""
+    def world(self, lanes: int, horizon: int) -> TiledWorld:
+        """The world in that many lanes, whose episodes are cut off at the horizon."""
         coding, width = self.coding, -(-self.actions // WIDTH) * WIDTH
         return TiledWorld(
-            inner=self.inner.continuous(lanes),
+            inner=self.inner.continuous(lanes, horizon),
             low=np.array(coding.low),
             scale=coding.scales(),
             top=float(np.nextafter(coding.tiles, 0.0)),
@@ -194,14 +194,14 @@ def tile_memory(world: TiledWorld, tiles: int, actions: int, shaped: bool) -> Ti
     return TileMemory(*arrays) if actions <= FEW else WideTileMemory(*arrays, width)
 
 
-@starts(TiledWorld)
+@starts(TiledWorld, around=True)
 def _start(world, task, lane, rng, anywhere):
     start_of(world.inner, task, lane, rng, anywhere)
     _note_tiles(world, lane, 0)
     return 0
 
 
-@steps(TiledWorld, cuts=True)
+@steps(TiledWorld, cuts=True, around=True)
 def _step(world, task, lane, state, action, uniform, rng):
     code = step_of(world.inner, task, lane, 0, action, uniform, rng)
     slot = 1 - state
@@ -211,7 +211,7 @@ def _step(world, task, lane, state, action, uniform, rng):
     return CUT - slot if code < LOST else code
 
 
-@inlined
+@unkept_inlined
 def _note_tiles(world, lane, slot):
     """Writes the active tiles of the lane's state into the slot."""
     active = world.active[lane, slot]
@@ -411,3 +411,15 @@ def _learn_blended(memory, learner, step, amount, gamma):
     for tile in memory.active[step.state]:
         entry = tile + step.action
         memory.weights[entry] = blended(learner, step.lane, entry, part_of_it)
+
+
+@body(policy_action, TileMemory, WideTileMemory)
+def _policy_action(memory, choosing, lane, state):
+    weights, active = choosing.policies[choosing.chosen[lane]], memory.active[np.int64(state)]
+    best, taken = -np.inf, 0
+    for action in range(memory.actions):
+        summed = 0.0
+        for tiling in range(len(active)):
+            summed += weights[active[tiling] + action]
+        best, taken = (summed, action) if summed > best else (best, taken)
+    return np.int64(taken)

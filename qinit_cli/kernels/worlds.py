@@ -14,7 +14,7 @@ import numpy as np
 from numba.extending import overload
 
 from qinit_cli.kernels.choices import NO_SLIP, decide
-from qinit_cli.kernels.compiled import INLINED, inlined
+from qinit_cli.kernels.compiled import INLINED, inlined, unkept_inlined
 from qinit_cli.kernels.parts import Function, part
 from qinit_cli.kernels.random_streams import THIRTY_TWO
 
@@ -27,31 +27,34 @@ _STEPS: dict[type, Any] = {}
 _CUTTING: set[type] = set()  # the worlds that may cut an episode off
 
 
-def starts(*worlds: type) -> Callable[[Function], Any]:
+def starts(*worlds: type, around: bool = False) -> Callable[[Function], Any]:
     """Registers where episodes start in worlds of these classes, and compiles it.
 
-    The function takes (world, task, lane, rng, anywhere) and returns the table's state, from 0 to S - 1.
+    The function takes (world, task, lane, rng, anywhere) and returns the table's state, from 0 to S - 1. `around` says that it
+    calls `start_of` of a world within: its machine code is then kept with its callers', which know the class within.
     """
 
     def register(function: Function) -> Any:
-        made = inlined(function)
+        made = unkept_inlined(function) if around else inlined(function)
         _STARTS.update(dict.fromkeys(worlds, made))
         return made
 
     return register
 
 
-def steps(world: type, *, cuts: bool = False) -> Callable[[Function], Any]:
+def steps(world: type, *, cuts: bool = False, around: bool = False) -> Callable[[Function], Any]:
     """Registers what a step does in worlds of that class, and compiles it.
 
     The function takes (world, task, lane, state, action, uniform, rng) and returns the table's state that the step leads to,
     GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `rng`. What the table does not see is kept in
     arrays of the world, at `lane`; native rewards go to its field `paid` f8 (L,). With `cuts` it may also return CUT - state:
-    the episode ends in that state as it does at the horizon, without the goal, and the state's value still counts.
+    the episode ends in that state as it does at the horizon, without the goal, and the state's value still counts. `around` is
+    as in `starts`.
     """
     if cuts:
         _CUTTING.add(world)
-    return lambda function: _STEPS.setdefault(world, inlined(function))
+    compiles = unkept_inlined if around else inlined
+    return lambda function: _STEPS.setdefault(world, compiles(function))
 
 
 def start_of(world, task, lane, rng, anywhere):
@@ -120,16 +123,3 @@ def moves_at_once(world):
 def move(world, first, step, action, states, after):
     """Writes into `after` the places that the steps of the lanes from `first` on lead to; True if any of them is no state."""
     return False
-
-
-@part
-def coordinate(world, lane, dimension):
-    """A coordinate of a lane's continuous state, which the starts and steps of a continuous world write to `observed` f8 (L, D)."""
-    return world.observed[lane, dimension]
-
-
-@part
-def put_state(world, task, lane, state):
-    """Puts a lane of a continuous world into a state f8 (D,) of the task."""
-    for dimension in range(len(state)):
-        world.observed[lane, dimension] = state[dimension]

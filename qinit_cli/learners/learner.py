@@ -26,6 +26,7 @@ class Learner:
     learns: ClassVar[bool] = True
     steps: ClassVar[bool] = True  # it has a step size
     counts: ClassVar[bool] = True  # a step updates one state-action, so that its updates can be counted
+    sums: ClassVar[bool] = False  # it can learn values that are sums of weights
     tables: ClassVar[int] = 1  # whose updates are counted apart
     waits: ClassVar[bool] = False  # an update waits for the action after its step
     shapes: ClassVar[bool] = True  # it learns from shaped rewards

@@ -21,6 +21,7 @@ class QLearner(Learner):
 
     name: ClassVar[str] = "q-learning"
     blends: ClassVar[bool] = True
+    sums: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """No memory of its own."""
@@ -39,6 +40,7 @@ class Sarsa(Learner):
 
     name: ClassVar[str] = "sarsa"
     blends: ClassVar[bool] = True
+    sums: ClassVar[bool] = True
     waits: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
@@ -57,6 +59,7 @@ class ExpectedSarsa(Learner):
 
     name: ClassVar[str] = "expected-sarsa"
     blends: ClassVar[bool] = True
+    sums: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
         """No memory of its own."""

@@ -18,6 +18,7 @@ class Tracing(Learner):
     """A learner with eligibility traces, which updates many state-actions at once."""
 
     counts: ClassVar[bool] = False
+    sums: ClassVar[bool] = True
     weighs: ClassVar[bool] = False
     lambda_: float = option(0.9, "Share of a trace that lasts a step, beside gamma.", low=0, high=1)
     traces: Literal["replacing", "accumulating"] = option(

@@ -67,6 +67,7 @@ class OpsTl(Plus):
 
         return Policies(
             actions=fit.library_q[: self.library].argmax(axis=2),
+            weights=None if fit.library_weights is None else fit.library_weights[: self.library],
             c=self.c,
             psi0=self.psi0,
             rho=self.rho,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 from qinit_cli import cores
 from qinit_cli.environments import Family
+from qinit_cli.environments.tiled import Tiles
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
@@ -52,6 +53,15 @@ BY = option(
 MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at the grid's alpha of 0.1
 
 
+def _of_tiles(name: str) -> Any:
+    """An option of tiles, which is not given where values are tables."""
+    [one] = [field for field in fields(Tiles) if field.name == name]
+    told = one.metadata
+    return option(
+        None, told["help"], low=told["low"], high=told["high"], default_text=str(one.default), seldom=True
+    )
+
+
 @dataclass(frozen=True)
 class LearningSources:
     """How source tasks are learned; None: as the family has it."""
@@ -74,9 +84,22 @@ class LearningSources:
         None, "Where episodes start: anywhere, or where target tasks start.", seldom=True
     )
 
+    representation: Literal["table", "tiles"] = option(
+        "table",
+        "Values by a table, or linear in tiles of the continuous state (docs/continuous.md).",
+        seldom=True,
+    )
+    tilings: int | None = _of_tiles("tilings")
+    tiles: int | None = _of_tiles("tiles")
+    probes: int | None = _of_tiles("probes")
+
     def __post_init__(self) -> None:
         _read(self, "exact")
         check(self)
+        if self.representation == "table" and (given := self._of_tiles()):
+            raise ValueError(
+                f"{flag(min(given))} is of --representation tiles; give that too, or leave it out"
+            )
         idle = [
             name for name in ("episodes", "epsilon", "explore", "start") if getattr(self, name) is not None
         ]
@@ -86,6 +109,16 @@ class LearningSources:
             )
         if isinstance(self.learner, Learner) and not self.learner.learns:
             raise ValueError(f"--learner is {self.learner}, which learns nothing; sources need another")
+
+    @property
+    def cut(self) -> Tiles | None:
+        """How values are tiled; None: they are tables."""
+        return Tiles(**self._of_tiles()) if self.representation == "tiles" else None
+
+    def _of_tiles(self) -> dict[str, int]:
+        """The options of tiles that are given."""
+        values = {one.name: getattr(self, one.name) for one in fields(Tiles)}
+        return {name: value for name, value in values.items() if value is not None}
 
     @property
     def exact(self) -> bool:

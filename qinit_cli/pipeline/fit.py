@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.environments.family import Family
+from qinit_cli.environments.tiled import WEIGHTS
 from qinit_cli.fitted import MASKED, UNKNOWN, FitOptions
 
 if TYPE_CHECKING:
@@ -45,20 +46,25 @@ def hold_out(selection: Selection, count: int) -> tuple[Selection, Flags]:
     return replace(selection, kept=selection.kept & ~held), held
 
 
-def fit(blocks: Iterable[Block], selection: Selection, options: FitOptions) -> dict[str, Any]:
+def fit(
+    blocks: Iterable[Block], selection: Selection, options: FitOptions, *, estimates: bool = False
+) -> dict[str, Any]:
     """The arrays of a fit, state axes as in the blocks; memory is that of a block and the library.
 
-    `blocks` partitions the source tasks in task order, BLOCK in each but the last.
+    `blocks` partitions the source tasks in task order, BLOCK in each but the last. Values that are `estimates` count where they
+    are not positive, too.
     """
     from qinit_cli.analysis.moments import source_moments
 
     library = _KeptTables(library_size(selection, options))
     kept = kept_of(blocks, selection.kept)
-    moments = source_moments((block["q"], block["eopl"]) for block in library.reading(kept))
+    read = ((block["q"], block["eopl"]) for block in library.reading(kept))
+    moments = source_moments(read, estimates=estimates)
     return _tables(moments, options.estimator) | {
         "value_mean": moments.value.mean,
         "library_q": np.concatenate(library.q) if library.q else _no_tables(moments),
         "library_td_var": np.concatenate(library.td_var) if library.td_var else _no_tables(moments),
+        **({"library_weights": np.concatenate(library.weights)} if library.weights else {}),
         "library_task": np.concatenate([np.empty(0, np.int64), *library.task]),
     }
 
@@ -86,12 +92,20 @@ class _KeptTables:
         self.q: list[Any] = []
         self.td_var: list[Any] = []
         self.task: list[Any] = []
+        self.weights: list[Any] = []  # of tiles, where the blocks have them
 
     def reading(self, blocks: Iterable[Block]) -> Iterator[Block]:
         for block in blocks:
             if self._room > 0:
-                for kept, name in ((self.q, "q"), (self.td_var, "td_var"), (self.task, "task")):
-                    kept.append(block[name][: self._room])
+                wanted = (
+                    (self.q, "q"),
+                    (self.td_var, "td_var"),
+                    (self.task, "task"),
+                    (self.weights, WEIGHTS),
+                )
+                for kept, name in wanted:
+                    if name in block:
+                        kept.append(block[name][: self._room])
                 self._room -= len(self.q[-1])
             yield block
 
@@ -117,13 +131,13 @@ def pair_statistics(log_q: Moments, q: Moments, estimator: str) -> dict[str, Any
         "std": q.std,
         "min": q.min,
         "max": q.max,
-        "n": q.n.astype(np.int32),
+        "n": log_q.n.astype(np.int32),
     }
 
 
 def _tables(moments: SourceMoments, estimator: str) -> dict[str, Any]:
     log_q, q, eopl = moments.log_q, moments.q, moments.eopl
-    unknown = q.n == 0
+    unknown = log_q.n == 0
     return pair_statistics(log_q, q, estimator) | {
         "n_masked": moments.n_masked.astype(np.int32),
         "eopl_mean": eopl.mean,

@@ -15,8 +15,10 @@ from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.settings import FitSettings, SourcesSettings
 from qinit_cli.artefacts.sources import Shares, blocks_in_shares
+from qinit_cli.artefacts.tile_columns import joined, library_columns, probe_columns
 from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
+from qinit_cli.environments.tiled import PROBES, WEIGHTS, TiledFamily
 from qinit_cli.errors import NotAllowed
 from qinit_cli.fitted import FitOptions, FittedTables, in_returns
 from qinit_cli.options import flag
@@ -126,20 +128,30 @@ def _asked(source: Artefact, fitting: FitOptions) -> Asked:
         family,
         f"{family.label}-{int(selection.kept.sum())}-{fitting.estimator}",
         FitSettings.of(settings, source.content_sha256, fitting),
-        _schema(source, fitting, stage.library_size(selection, fitting)),
+        _schema(source, family, fitting, stage.library_size(selection, fitting)),
         selection,
         held,
     )
 
 
-def _schema(source: Artefact, fitting: FitOptions, library: int) -> Schema:
+def _schema(source: Artefact, family: Family, fitting: FitOptions, library: int) -> Schema:
     """The fit's layout, over the sources' own axes: looking at an environment again would need its module."""
     *states, action = _axes(source)
     state_action = (*(axis.name for axis in states), action.name)
     settings = SourcesSettings.read(source.spec)
     bounds = settings.bounds
-    more = fit_statistics(statistics.contents(fitting), state_action)
-    return fit_schema(tuple(states), action, library, *more, bounds=bounds, variances=not settings.imported)
+    more_axes, more_columns = fit_statistics(statistics.contents(fitting), state_action)
+    axes, columns = joined(probe_columns(family), library_columns(family))
+    return fit_schema(
+        tuple(states),
+        action,
+        library,
+        (*axes, *more_axes),
+        (*columns, *more_columns),
+        bounds,
+        settings.varied,
+        tiled=settings.family.tiled,
+    )
 
 
 def _axes(source: Artefact) -> list[Axis]:
@@ -155,10 +167,14 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
     origin = statistics.Origin(family, sources.learning.gamma, sources.seed)
     names = statistics.columns(fitting, family)
     sample = statistics.Sample(selection.kept, origin.seed, names)
-    wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *names)))
+    of_tiles = () if family.counted else (WEIGHTS,)
+    wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *of_tiles, *names)))
     blocks, bounds = blocks_in_shares(source, wanted, stage.BLOCK), bounds_of(family, origin.gamma)
-    arrays = stage.fit(sample.reading(progress.counting(blocks)), selection, fitting)
+    read = sample.reading(progress.counting(blocks))
+    arrays = stage.fit(read, selection, fitting, estimates=not family.counted)
     arrays = in_returns(arrays, bounds)
+    if isinstance(family, TiledFamily):
+        arrays[PROBES] = source.read(PROBES)
     arrays |= statistics.statistics(sample.columns, origin, fitting)
     if held.any():
         *states, _ = _axes(source)

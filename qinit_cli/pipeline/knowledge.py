@@ -32,6 +32,8 @@ class Knowledge:
             settings = FitSettings.read(artefact.spec)
             family = family_in(artefact)
             names = (*FittedTables.TABLES, "value_mean", "library_q", "library_td_var")
+            if settings.sources.family.tiled:
+                names = (*names, "library_weights")
             arrays = {name: artefact.read(name) for name in names}
             bounds = bounds_of(family, settings.sources.learning.gamma)
             states = math.prod(family.shape)

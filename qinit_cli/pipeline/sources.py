@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qinit_cli.artefacts.columns import ROUNDING
+from qinit_cli.artefacts.tile_columns import joined, probe_columns, weight_columns
 from qinit_cli.environments.family import Family, bounds_of, draw_tasks
+from qinit_cli.environments.tiled import TiledFamily
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import QLearner
 from qinit_cli.learners.exploration import EpsilonGreedy
@@ -31,9 +33,11 @@ Rows = dict[str, Any]  # column name: array with a leading task axis
 
 def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     """The tasks that are asked for; UsageError where the family cannot be learned so."""
+    learning = sources.learning(type(family))
+    if (cut := sources.cut) is not None:
+        family = TiledFamily(family, cut).placed(None)
     if sources.exact and not family.tabular:
         raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
-    learning = sources.learning(type(family))
     check_learned(family, learning)
     return SourceTasks(family, "exact" if sources.exact else learning.learner.name, learning, sources.seed)
 
@@ -52,7 +56,9 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
     """The artefact that holds these tasks, learned to the end."""
     from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.pipeline.job import Plan
+    from qinit_cli.pipeline.probes import probes_of, with_probes
 
+    tasks = with_probes(tasks)
     exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
     return Plan(
@@ -62,6 +68,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
         learn=partial(learn_sources, tasks),
         kernel=f"{tasks.family.name} {'exact tables' if exact else f'sources{by_learner(tasks.learning)}'}",
         what="sources" if tasks.role == "source" else "optimal tables",
+        statics=probes_of(tasks.family),
     )
 
 
@@ -84,7 +91,16 @@ def _schema(tasks: SourceTasks) -> Any:
     from qinit_cli.artefacts.sources import sources_schema
 
     family, bounds = tasks.family, bounds_of(tasks.family, tasks.learning.gamma)
-    return sources_schema(family.axes(), action_axis(family), family.parameters(), tasks.bins, bounds)
+    of_tiles = joined(probe_columns(family), weight_columns(family, per_task=True))
+    return sources_schema(
+        family.axes(),
+        action_axis(family),
+        family.parameters(),
+        tasks.bins,
+        bounds,
+        *of_tiles,
+        tiled=not family.counted,
+    )
 
 
 def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tuple[Integers, Rows]:
@@ -93,10 +109,12 @@ def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tupl
     rows = _exact(sources, tasks) if sources.learner == "exact" else learned(sources, tasks, indices, watch)
     finished = rows.pop("finished")
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
-    check_returns(sources.family, sources.learning.gamma, kept["q"])
-    eopl = sources.family.path_lengths(tasks, kept["q"], sources.learning.horizon)
-    kept["eopl"] = eopl
-    kept["solved"] = sources.family.solved(tasks, kept["q"], sources.learning.horizon)
+    family, weights = sources.family, kept.pop("q")
+    family.check_learned(weights, bounds_of(family, sources.learning.gamma).width)
+    kept["eopl"] = family.path_lengths(tasks, weights, sources.learning.horizon)
+    kept["solved"] = family.solved(tasks, weights, sources.learning.horizon)
+    kept |= family.kept(weights)
+    check_returns(family, sources.learning.gamma, kept["q"])
     kept |= {name: tasks[name] for name in tasks.dtype.names or ()}
     return indices[finished], shaped(kept, sources.family)
 
@@ -145,15 +163,15 @@ def learned(sources: SourceTasks, tasks: Tasks, indices: Integers, watch: Watch)
             starts=seeds(sequences(sources.seed, sources.streams.start, indices)),
             learner=seeds(sequences(sources.seed, sources.streams.learner, indices)),
         ),
-        Records(sources.bins, visits=True, td_var=True),
+        Records(sources.bins, visits=family.counted, td_var=family.counted),
         watch,
         payment=family.payment(gamma),
     )
     episodes = bin_sizes(sources.learning.episodes, sources.bins)
+    counted = {"td_var": batch.td_var, "visits": batch.visits} if family.counted else {}
     return {
         "q": batch.q,
-        "td_var": batch.td_var,
-        "visits": batch.visits,
+        **counted,
         "curve_steps": (batch.steps / episodes).astype(np.float32),
         "curve_reached": (batch.reached / episodes).astype(np.float32),
         "steps": batch.step_count,

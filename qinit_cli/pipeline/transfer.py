@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qinit_cli.artefacts.tile_columns import joined, probe_columns, start_columns, weight_columns
 from qinit_cli.environments.family import Family, bounds_of, task_count
-from qinit_cli.errors import UsageError
+from qinit_cli.environments.tiled import TiledFamily
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.methods import Initial, Method
+from qinit_cli.pipeline.probes import probes_of
 from qinit_cli.pipeline.sources import (
     Rows,
     by_learner,
@@ -51,6 +55,11 @@ def targets_of(
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
     check_together(method, settings.learner, blends=learning.blends)
+    if method.weighs and sources.family.tiled:
+        raise NotAllowed(
+            f"{method.name} corrects for the (1 - alpha)^n of the start that n updates leave in an entry of a table, which "
+            "weights that many states share do not obey; choose another method, or learn tables"
+        )
     check_learned(family, settings)
     targets = TargetTasks(
         family,
@@ -126,6 +135,8 @@ def plan_of(
     from qinit_cli.pipeline.job import Plan
 
     inputs = [known.given, *more]
+    if isinstance(targets.family, TiledFamily) and isinstance(known.family, TiledFamily):
+        targets = replace(targets, family=targets.family.placed(known.family.at))
     return Plan(
         stem=stem_of(method, targets, count),
         settings=RunSettings.of(method, targets, count, known.content_sha256, known.settings),
@@ -163,6 +174,11 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     from qinit_cli.artefacts.run import run_schema
 
     family = targets.family
+    more_axes, more = joined(
+        probe_columns(family),
+        start_columns(family, per_task=initial.start_per_task),
+        weight_columns(family, per_task=targets.keep_q),
+    )
     return run_schema(
         family.axes(),
         action_axis(family),
@@ -179,6 +195,9 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         updating=targets.keep_visits,
         hypotheses=initial.hypothesis_count,
         moments=targets.moments,
+        more_axes=more_axes,
+        more=more,
+        tiled=not family.counted,
     )
 
 
@@ -197,8 +216,8 @@ def learn_targets(
         family.worlds(tasks, sequences(targets.seed, targets.streams.world, indices)),
         learning,
         Start(
-            own.start,
-            own.potential if own.potential.any() else None,
+            family.to_weights(own.start),
+            family.to_weights(own.potential[..., None])[..., 0] if own.potential.any() else None,
             own.policies,
             own.hypotheses,
             targets.known_at,
@@ -220,6 +239,7 @@ def learn_targets(
         payment=paid,
     )
     kept = learned.finished
+    family.check_learned(learned.q[kept], bounds_of(family, learning.gamma).width)
     rows: Rows = {
         "steps": learned.steps[kept].astype(np.int32),
         "reached": learned.reached[kept].astype(np.uint8),
@@ -249,7 +269,7 @@ def learn_targets(
         rows["moves"] = learned.weighing.moves[kept].astype(np.int32)
         rows["frozen"] = learned.weighing.frozen[kept].astype(np.int32)
     if targets.keep_q:
-        rows["q"] = learned.q[kept]
+        rows |= family.kept(learned.q[kept])
     if learned.visits is not None:
         rows["visits"] = learned.visits[kept]
     if initial.start_per_task:
@@ -261,7 +281,10 @@ def learn_targets(
 
 def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     """What a run keeps of the method's arrays that is the same for every target, laid out along the state axes."""
-    kept: dict[str, Floats] = {}
+    kept: dict[str, Floats] = probes_of(family)
+    if isinstance(family, TiledFamily) and not initial.start_per_task:
+        kept["start_weights"] = family.to_weights(initial.start)
+        kept["projected"] = family.projection.values(kept["start_weights"])
     if not initial.start_per_task:
         kept["start"] = initial.start.reshape(*family.shape, -1)
     if not initial.potential_per_task:
