@@ -452,7 +452,7 @@ def transfer(
 
     Targets and their chance depend on `seed` alone, so that every method meets the same. `shift` changes fields of the family;
     `targets` names tasks of the sources' file, see `qinit train-sources tasks`. With `blend="knownness"` the start gives way to
-    values learned from a return of 0, wholly after `known_at` updates (None: 30).
+    values learned from a return of 0, wholly after `known_at` updates (None: 10).
 
     >>> import qinit_cli as qinit
     >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")

@@ -169,7 +169,12 @@ def check_updates(method: Method) -> None:
 
 
 def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:
-    """The run of so many targets, each started from what is known by then."""
+    """The run of so many targets, each started from what is known by then; UsageError where a blend has not given way by then."""
+    if targets.known_at is not None and targets.known_at > living.visits:
+        raise UsageError(
+            f"--update adds entries after {living.visits} visits, and with --known-at {targets.known_at} a part of their start "
+            f"is left in them; give --min-visits {targets.known_at} too"
+        )
     lifetime = Lifetime(method, targets, known.fit, living.visits)
     plain = plan_of(method, targets, lifetime.initial, count, known, [])
     label = f"{targets.label_of(method)} updated"

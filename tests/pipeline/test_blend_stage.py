@@ -131,6 +131,8 @@ def test_runs_with_a_blend_are_those_of_the_command_and_stand_beside_plain_ones(
     command = ("transfer", "mean", "f.h5", "--tasks", 3, "--episodes", 6, "--blend", "knownness", "--json")
     assert json.loads(here(*command).out)["digest"] == mean.digest
     assert qinit.lifelong("mean", fit, **how).digest == mean.digest
+    with pytest.raises(UsageError, match="a part of their start is left in them; give --min-visits 60 too"):
+        qinit.lifelong("mean", fit, **how, known_at=60, update=True)
     plain = [qinit.transfer(name, fit, tasks=3, episodes=6) for name in ("zero", "mean")]
     # from zero, and known at once, nothing is left to blend
     np.testing.assert_array_equal(zero["steps"], plain[0]["steps"])
