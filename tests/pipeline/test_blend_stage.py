@@ -146,16 +146,16 @@ def test_runs_with_a_blend_are_those_of_the_command_and_stand_beside_plain_ones(
     }
 
 
-def test_the_command_refuses_before_anything_is_written(here: Callable[..., Ended], pipeline: Any) -> None:
-    for words, sentence in (
-        (("ptrs", pipeline.fit, "--blend", "knownness"), "leave out --blend"),
-        (
-            ("mean", pipeline.fit, "--blend", "knownness", "--learner", "double-q"),
-            "--learner double-q does not",
-        ),
-        (("mean", pipeline.fit, "--known-at", 3), "give --blend knownness too"),
+def test_the_command_refuses_before_anything_is_written(here: Callable[..., Ended]) -> None:
+    words = ("train-sources", "gridworld", "--size", 4, "--variance", 1, "--tasks", 2, "--learner", "exact")
+    here(*words, "-o", "s.h5")
+    here("fit", "s.h5", "-o", "f.h5")
+    for asked, sentence in (
+        (("ptrs", "f.h5", "--blend", "knownness"), "leave out --blend"),
+        (("mean", "f.h5", "--blend", "knownness", "--learner", "double-q"), "--learner double-q does not"),
+        (("mean", "f.h5", "--known-at", 3), "give --blend knownness too"),
     ):
-        ended = here("transfer", *words)
+        ended = here("transfer", *asked)
         assert (ended.code, ended.out) == (2, "")
         assert sentence in ended.err
         assert ended.err.count("\n") == 1
