@@ -453,6 +453,8 @@ def transfer(
     allow_overlap: bool = False,
     evaluate_every: int = 0,
     keep_q: bool = False,
+    blend: Literal["none", "knownness"] = "none",
+    known_at: int | None = None,
     tuned: Tuning | None = None,
     store: Where = None,
     output: Where = None,
@@ -462,7 +464,8 @@ def transfer(
     """Target tasks of the fit's family, learned from what a method starts them with (`qinit transfer`).
 
     Targets and their chance depend on `seed` alone, so that every method meets the same. `shift` changes fields of the family;
-    `targets` names tasks of the sources' file, see `qinit train-sources tasks`.
+    `targets` names tasks of the sources' file, see `qinit train-sources tasks`. With `blend="knownness"` the start gives way to
+    values learned from a return of 0, wholly after `known_at` updates (None: 10).
 
     >>> import qinit_cli as qinit
     >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")
@@ -486,6 +489,8 @@ def transfer(
         allow_overlap=allow_overlap,
         evaluate_every=evaluate_every,
         keep_q=keep_q,
+        blend=blend,
+        known_at=known_at,
     )
     source, chosen = _source(fit, store), _method(method, {})
     known = Knowledge.read(source)
@@ -522,6 +527,8 @@ def lifelong(
     allow_overlap: bool = False,
     evaluate_every: int = 0,
     keep_q: bool = False,
+    blend: Literal["none", "knownness"] = "none",
+    known_at: int | None = None,
     store: Where = None,
     output: Where = None,
     jobs: int | None = None,
@@ -548,6 +555,8 @@ def lifelong(
         allow_overlap=allow_overlap,
         evaluate_every=evaluate_every,
         keep_q=keep_q,
+        blend=blend,
+        known_at=known_at,
     )
     living = _asked(Living, update=update, min_visits=min_visits)
     source, chosen = _source(fit, store), _method(method, {})
@@ -570,6 +579,8 @@ def lifelong(
             allow_overlap=allow_overlap,
             evaluate_every=evaluate_every,
             keep_q=keep_q,
+            blend=blend,
+            known_at=known_at,
             store=store,
             output=output,
             jobs=jobs,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.environments.family import Family, Role, draw_tasks
-from qinit_cli.learning import Learning, curve_bins
+from qinit_cli.learning import KNOWN_AT, Learning, curve_bins
+from qinit_cli.methods.method import Method
 from qinit_cli.methods.targets import Targets
 from qinit_cli.seeding import Stream
 
@@ -113,12 +114,20 @@ class TargetTasks:
     keep_q: bool
     evaluate_every: int = 0  # episodes between greedy evaluations; 0: none
     keep_visits: bool = False
+    known_at: int | None = None  # updates after which a blended value is the learned one; None: no blend
     streams: TargetStreams = TARGETS
 
     @property
     def evaluations(self) -> int:
         """How many there are: one before the first episode, one after every n-th."""
         return 1 + self.learning.episodes // self.evaluate_every if self.evaluate_every else 0
+
+    def label_of(self, method: Method) -> str:
+        """What the method is called on these targets: with the blend, if there is one."""
+        blend = [] if self.known_at is None else ["blend=knownness"]
+        if self.known_at not in (None, KNOWN_AT):
+            blend.append(f"known-at={self.known_at}")
+        return " ".join([method.label, *blend])
 
     @property
     def moments(self) -> Integers:

@@ -43,6 +43,7 @@ ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 ROLES = ("source", "target")
+KNOWNNESS = "knownness"  # the one blend that there is
 # stand-ins for settings that there are none of, where tables were solved for, or learned elsewhere
 WITHOUT_STEPS: dict[str, Any] = {
     "alpha": 0.1,
@@ -183,6 +184,7 @@ class StoredMethod:
     options: Spec  # what it starts from, `init`, with its own name and options
     here: Method | None  # None: it, or what it starts from, is a plug-in's that is not installed
     min_visits: int | None = None  # of entries that a lifetime adds; None: it adds none
+    known_at: int | None = None  # updates after which a blended value is the learned one; None: no blend
 
     @classmethod
     def of(cls, method: Method, family: Family) -> Self:
@@ -205,6 +207,12 @@ class StoredMethod:
             update = _of(options.pop("update"), "the update", {"min_visits": int})
             _at_least(update, min_visits=1)
             visits = update["min_visits"]
+        known_at = None
+        if "blend" in options:
+            blend = _of(options.pop("blend"), "the blend", {"name": str, "known_at": int})
+            _among("the blend", blend["name"], (KNOWNNESS,))
+            _at_least(blend, known_at=1)
+            known_at = blend["known_at"]
         given = dict(options)
         first, own = _first(options.get("init"))
         if first is not None and own is not None and first in METHODS:
@@ -220,12 +228,13 @@ class StoredMethod:
             if unknown := set(tuned) - {field.name for field in dataclasses.fields(made)}:  # type: ignore[arg-type]  # a dataclass
                 raise ValueError(f"the method {name} has no {min(unknown)} to choose")
             here = made if known else None
-        return cls(name, label, options, here, visits)
+        return cls(name, label, options, here, visits, known_at)
 
     def spec(self) -> dict[str, Any]:
         """As the store keeps it."""
         update = {} if self.min_visits is None else {"update": {"min_visits": self.min_visits}}
-        return {"name": self.name, "label": self.label, **self.options, **update}
+        blend = {"blend": {"name": KNOWNNESS, "known_at": self.known_at}} if self.blended else {}
+        return {"name": self.name, "label": self.label, **self.options, **update, **blend}
 
     def installed(self) -> Method:
         """The method; NotAllowed where it is not installed."""
@@ -242,6 +251,11 @@ class StoredMethod:
     def plus(self) -> bool:
         """Whether it starts from another method instead of zero."""
         return self.start != Zero.name
+
+    @property
+    def blended(self) -> bool:
+        """Whether what it starts from gives way to learned values."""
+        return self.known_at is not None
 
     @property
     def reads_sources(self) -> bool:
@@ -710,9 +724,10 @@ def _plain(options: Spec) -> dict[str, Any]:
 
 def _of_targets(method: Method, targets: TargetTasks) -> dict[str, Any]:
     """What runs and tunings have in common, of tasks to learn as targets."""
+    stored = StoredMethod.of(method, targets.family)
     return {
         "algorithm_version": _algorithm(targets.family),
-        "method": StoredMethod.of(method, targets.family),
+        "method": dataclasses.replace(stored, label=targets.label_of(method), known_at=targets.known_at),
         "family": StoredFamily.of(targets.family),
         "learning": targets.learning,
         "seed": targets.seed,

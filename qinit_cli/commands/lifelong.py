@@ -156,13 +156,13 @@ def _update(
         say_expected(expected(plan, targets, count, output.keeping, alone), output, display)
         return
     made = make(plan(targets, count), output.keeping, alone, Printed(display))
-    sentence = _summary(made, method, fitted)
+    sentence = _summary(made, targets.label_of(method), fitted)
     found = of_targets(targets.learning, learned(made, targets, fitted.fit))
     warn(made, "", [*outdated(fitted.settings), *found], display)
     say_result(made, "qinit.lifelong/1", sentence, output, display)
 
 
-def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
+def _summary(made: Made, label: str, fitted: Knowledge) -> str:
     """What was lived, and how the spread of ln Q moved; also into the tally."""
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.pipeline.lifelong import Known, log_std
@@ -180,6 +180,6 @@ def _summary(made: Made, method: Method, fitted: Knowledge) -> str:
         f"in {plain(tally.seconds)} kernel seconds"
     )
     return (
-        f"{method.label} updated: {lived}; {counted(round(added.mean()), 'entry', 'entries')} added a task; "
+        f"{label} updated: {lived}; {counted(round(added.mean()), 'entry', 'entries')} added a task; "
         f"sd(ln Q) {after:.3f}, as fitted {before:.3f} (medians over state-actions)"
     )

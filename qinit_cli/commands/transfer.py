@@ -179,8 +179,9 @@ def _transfer(
         [*outdated(known.settings), *of_targets(targets.learning, found)],
         display,
     )
-    already = f"{method.label}, {counted(made.tally.tasks, 'target')}: already complete"
-    sentence = already if made.complete_before else _summary(method, initial, made.tally, unsolvable)
+    label = targets.label_of(method)
+    already = f"{label}, {counted(made.tally.tasks, 'target')}: already complete"
+    sentence = already if made.complete_before else _summary(label, initial, made.tally, unsolvable)
     say_result(made, "qinit.transfer/1", told + sentence, output, display)
 
 
@@ -201,9 +202,9 @@ def _say_limits(method: Method, fit: FittedTables, family: Family, display: Disp
         note(display, f"{method.name} was to choose among {asked} sources; this fit keeps {there}")
 
 
-def _summary(method: Method, initial: Initial, tally: Tally, unsolvable: int) -> str:
+def _summary(label: str, initial: Initial, tally: Tally, unsolvable: int) -> str:
     learned = tally.tasks - tally.skipped - tally.failed
-    sentence = f"{method.label}: {counted(learned, 'target')} learned"
+    sentence = f"{label}: {counted(learned, 'target')} learned"
     sentence += f", {magnitude(tally.steps)} steps in {plain(tally.seconds)} kernel seconds"
     if unsolvable:
         sentence += (

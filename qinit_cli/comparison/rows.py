@@ -71,14 +71,14 @@ def compare(runs: Sequence[ComparedRun], baseline: str, metric: Metric) -> list[
     return comparisons
 
 
-def remark(method: str, *, imported: bool = False) -> str:
-    """What a reader of a table must know of the method, or of its curves that were `imported`."""
+def remark(method: str, *, imported: bool = False, blended: bool = False) -> str:
+    """What a reader of a table must know of the method, of its curves that were `imported`, or of its start that is `blended`."""
     if imported:
         return IMPORTED
     kind = METHODS.get(method)
     if kind is None:
         return "not installed here"
-    remarks = {"privileged": kind.privileged, "reconstruction": kind.reconstructed}
+    remarks = {"privileged": kind.privileged, "reconstruction": kind.reconstructed or blended}
     return ", ".join(name for name, holds in remarks.items() if holds)
 
 
@@ -214,7 +214,7 @@ def _row(entry: Entry, base: Entry | None, metric: Metric, scored: dict[str, Sco
         label=entry.label,
         method=entry.method,
         plus=entry.plus,
-        remark=remark(entry.method, imported=entry.runs[0].settings.imported),
+        remark=remark(entry.method, imported=entry.runs[0].settings.imported, blended=entry.blended),
         sets=len(entry.runs),
         negative_transfer=None
         if base is None or _transfers(base.method)

@@ -61,6 +61,11 @@ class Entry:
         return self.runs[0].plus
 
     @property
+    def blended(self) -> bool:
+        """Whether what the method starts from gives way to learned values."""
+        return self.runs[0].settings.method.blended
+
+    @property
     def reads_sources(self) -> bool:
         """Whether other sources would make the method start otherwise."""
         return self.runs[0].reads_sources

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from qinit_cli.arrays import Flags, Floats, Integers
+from qinit_cli.kernels.blend import new_blend
 from qinit_cli.kernels.lane import (
     FEW,
     Evaluation,
@@ -91,6 +92,9 @@ class Start:
     potential: Floats | None = None  # (S,) or (B, S); None: no shaping
     policies: Policies | None = None  # None, or none of them: plain learning
     hypotheses: Hypotheses | None = None  # None, or none of them: the start table stays what it is
+    known_at: int | None = (
+        None  # updates after which a value is learned alone; None: the table is learned from
+    )
 
 
 @dataclass(frozen=True)
@@ -177,6 +181,8 @@ def learn(
     else:
         memory = new_memory(lanes, worlds.states, worlds.actions)
     posterior = _posterior(start.hypotheses, learning.gamma, payment, records.moments, lanes, shape)
+    if posterior is not None and start.known_at is not None:
+        raise ValueError("hypotheses change the start table, and a blend keeps it")
     if streams.learner is not None:
         _expect("learner streams", streams.learner.shape, (batch, 4))
     inside = Batch(lanes, worlds.states, worlds.actions, streams.learner)
@@ -190,7 +196,7 @@ def learn(
     paid = new_payment(payment, world, batch, episodes, evaluations)
     arguments = (
         world,
-        _setting(learning, worlds, inside, paid),
+        _setting(learning, worlds, inside, start.known_at, paid),
         tasks,
         new_lanes(memory, worlds.queue(), learning.learner.waits),
         Recording(visits, td_var, evaluation),
@@ -238,10 +244,13 @@ def _run(advance: Any, arguments: tuple[Any, ...], tasks: Tasks, episodes: int, 
     return seconds
 
 
-def _setting(learning: Learning, worlds: Worlds, batch: Batch, payment: Any) -> LaneSetting:
+def _setting(
+    learning: Learning, worlds: Worlds, batch: Batch, known_at: int | None, payment: Any
+) -> LaneSetting:
+    learner = learning.learner.kernel(learning, batch)
     return LaneSetting(
         gamma=learning.gamma,
-        learner=learning.learner.kernel(learning, batch),
+        learner=learner if known_at is None else new_blend(learner, known_at, batch),
         rate=new_rate(learning, batch),
         explore=learning.explore.kernel(learning, batch),
         payment=payment,

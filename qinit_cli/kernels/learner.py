@@ -49,6 +49,12 @@ class Batch(NamedTuple):
         """The shape of what is kept for each state-action in each lane, (L, (S + 2) * W)."""
         return self.lanes, (self.states + 2) * -(-self.actions // WIDTH) * WIDTH
 
+    @property
+    def places(self) -> tuple[int, int]:
+        """A shape with room for what is kept for each number of the lanes' rows or weights, (L, (S + 2) * (W + 4))."""
+        lanes, pairs = self.pairs
+        return lanes, pairs + (self.states + 2) * WIDTH
+
 
 class QLearn(NamedTuple):
     """Q-learning."""
@@ -131,22 +137,28 @@ class Step(NamedTuple):
 @part
 def update(learner, memory, step, setting, hooks, recording):
     """Learns from a step; brings the row of its state and what is recorded of it up to date. Returns the step size."""
-    return learn_towards(target_of(memory, step, setting), memory, step, setting, hooks, recording)
-
-
-@body(update, OnPolicy)
-def _update_on_policy(learner, memory, step, setting, hooks, recording):
-    return learn_towards(on_policy(memory, step, setting), memory, step, setting, hooks, recording)
-
-
-@body(update, InExpectation)
-def _update_expected(learner, memory, step, setting, hooks, recording):
-    return learn_towards(expected(memory, step, setting), memory, step, setting, hooks, recording)
+    return learn_towards(aim(learner, memory, step, setting), memory, step, setting, hooks, recording)
 
 
 @body(update, Nothing)
 def _update_nothing(learner, memory, step, setting, hooks, recording):
     return 0.0
+
+
+@part
+def aim(learner, memory, step, setting):
+    """What a step's value moves towards."""
+    return target_of(memory, step, setting)
+
+
+@body(aim, OnPolicy)
+def _aim_on_policy(learner, memory, step, setting):
+    return on_policy(memory, step, setting)
+
+
+@body(aim, InExpectation)
+def _aim_in_expectation(learner, memory, step, setting):
+    return expected(memory, step, setting)
 
 
 @inlined

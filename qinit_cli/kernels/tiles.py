@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qinit_cli.arrays import Integers
+from qinit_cli.kernels.blend import blended, learn_blended, learned_value
 from qinit_cli.kernels.compiled import inlined, unkept_inlined
 from qinit_cli.kernels.continuous import coordinate
 from qinit_cli.kernels.exploration import choose, choose_wide
@@ -394,6 +395,22 @@ def _traced(memory):
 def _meet_step(memory, learner, step):
     for entry in memory.active[step.state]:
         meet(learner, step.lane, entry + step.action)
+
+
+@body(learned_value, TileMemory, WideTileMemory)
+def _learned_value(memory, learner, step):
+    summed = 0.0
+    for entry in memory.active[step.state]:
+        summed += learner.learned[step.lane, entry + step.action]
+    return summed
+
+
+@body(learn_blended, TileMemory, WideTileMemory)
+def _learn_blended(memory, learner, step, amount, gamma):
+    part_of_it = amount * memory.share
+    for tile in memory.active[step.state]:
+        entry = tile + step.action
+        memory.weights[entry] = blended(learner, step.lane, entry, part_of_it)
 
 
 @body(policy_action, TileMemory, WideTileMemory)

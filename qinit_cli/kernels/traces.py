@@ -52,7 +52,7 @@ class SarsaTraces(Watkins):
 
 def new_traces(batch: Batch, decay: float, accumulating: bool, least: float, waits: bool) -> Watkins:
     """No traces yet, for Q(lambda), or for Sarsa(lambda), which waits."""
-    lanes, pairs = batch.pairs
+    lanes = batch.lanes
     most = 2 * batch.states * batch.actions + 64  # as many again as there can be: it is tidied up that seldom
     return (SarsaTraces if waits else Watkins)(
         decay=float(decay),
@@ -62,7 +62,7 @@ def new_traces(batch: Batch, decay: float, accumulating: bool, least: float, wai
         end=np.zeros(lanes, np.int64),
         place=np.zeros((lanes, most), np.uint32),
         trace=np.zeros((lanes, most)),
-        entry=np.zeros((lanes, pairs + (batch.states + 2) * WIDTH), np.int32),
+        entry=np.zeros(batch.places, np.int32),
     )
 
 

@@ -32,6 +32,7 @@ class Learner:
     shapes: ClassVar[bool] = True  # it learns from shaped rewards
     # after n updates (1 - alpha)^n of its start is left in a value: the posterior can move it
     weighs: ClassVar[bool] = True
+    blends: ClassVar[bool] = False  # its kernel has nothing but `aim`: a blend can take its update over
     explores: ClassVar[bool] = True  # it needs an exploration; else it is greedy unless one is asked for
     optimism: ClassVar[float] = 0.0  # the start of source tasks
 

@@ -20,6 +20,7 @@ class QLearner(Learner):
     """
 
     name: ClassVar[str] = "q-learning"
+    blends: ClassVar[bool] = True
     sums: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:
@@ -38,6 +39,7 @@ class Sarsa(Learner):
     """
 
     name: ClassVar[str] = "sarsa"
+    blends: ClassVar[bool] = True
     sums: ClassVar[bool] = True
     waits: ClassVar[bool] = True
 
@@ -56,6 +58,7 @@ class ExpectedSarsa(Learner):
     """
 
     name: ClassVar[str] = "expected-sarsa"
+    blends: ClassVar[bool] = True
     sums: ClassVar[bool] = True
 
     def kernel(self, learning: Learning, batch: Batch) -> Any:

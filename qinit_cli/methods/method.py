@@ -78,7 +78,7 @@ class Method:
     formula: ClassVar[str]
     privileged: ClassVar[bool] = False  # reads the target's parameters
     needs_tables: ClassVar[bool] = False  # reads Q* of the targets, which are then made before it is asked
-    reconstructed: ClassVar[bool] = False  # its authors' formula is not public
+    reconstructed: ClassVar[bool] = False  # made without its authors' formula
     reference: ClassVar[bool] = False  # what others are measured by: in pictures of either kind of method
     transfers: ClassVar[bool] = (
         True  # whether it takes anything over: worse than what does not is negative transfer
@@ -100,6 +100,11 @@ class Method:
     def shapes(self) -> bool:
         """Whether it has a potential."""
         return type(self).potential is not Method.potential
+
+    @property
+    def follows(self) -> bool:
+        """Whether it has policies."""
+        return type(self).policies is not Method.policies
 
     def on(self, family: Family) -> Self:
         """With what it leaves to the family filled in; itself."""

@@ -12,7 +12,7 @@ from qinit_cli.environments.tiled import Tiles
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
-from qinit_cli.learning import Learning
+from qinit_cli.learning import KNOWN_AT, Learning
 from qinit_cli.options import check, flag, option
 from qinit_cli.schedules import ByVisits, Exponential, Linear, Schedule, schedule
 from qinit_cli.spelling import read, setting
@@ -171,10 +171,37 @@ class LearningTargets:
         seldom=True,
     )
     keep_q: bool = option(False, "Keep the learned tables too.", seldom=True)
+    blend: Literal["none", "knownness"] = option(
+        "none",
+        "Act on (1 - k) Q0 + k Q, with Q0 the start and Q learned from a return of 0 (knownness); none: learn from the start.",
+        seldom=True,
+    )
+    known_at: int | None = option(
+        None,
+        "k is min(1, n / N) after n updates of a state-action, or of a tile's weight.",
+        low=1,
+        metavar="N",
+        default_text=f"{KNOWN_AT}, with --blend knownness",
+        seldom=True,
+    )
 
     def __post_init__(self) -> None:
         _read(self)
         check(self)
+        if self.known_at is not None and not self.blends:
+            raise ValueError(
+                "--known-at says how soon a blend gives way; give --blend knownness too, or leave it out"
+            )
+
+    @property
+    def blends(self) -> bool:
+        """Whether the start gives way to learned values."""
+        return self.blend != "none"
+
+    @property
+    def updates_known(self) -> int | None:
+        """Updates after which a blended value is the learned one; None without a blend."""
+        return (self.known_at or KNOWN_AT) if self.blends else None
 
     def learning(self, family: Family, sources: Learning) -> Learning:
         """The family's way of learning targets, with alpha, gamma and horizon of the sources, and what was asked on top."""

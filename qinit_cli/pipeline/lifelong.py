@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.analysis.moments import Moments, merged, moments
-from qinit_cli.artefacts.settings import RunSettings, StoredMethod
+from qinit_cli.artefacts.settings import RunSettings
 from qinit_cli.elementary import ln
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.errors import NotAllowed, UsageError
@@ -169,12 +169,17 @@ def check_updates(method: Method) -> None:
 
 
 def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:
-    """The run of so many targets, each started from what is known by then."""
+    """The run of so many targets, each started from what is known by then; UsageError where a blend has not given way by then."""
+    if targets.known_at is not None and targets.known_at > living.visits:
+        raise UsageError(
+            f"--update adds entries after {living.visits} visits, and with --known-at {targets.known_at} a part of their start "
+            f"is left in them; give --min-visits {targets.known_at} too"
+        )
     lifetime = Lifetime(method, targets, known.fit, living.visits)
     plain = plan_of(method, targets, lifetime.initial, count, known, [])
-    label = f"{method.label} updated"
-    stored = replace(StoredMethod.of(method, targets.family), label=label, min_visits=living.visits)
+    label = f"{targets.label_of(method)} updated"
     settings = RunSettings.of(method, targets, count, known.content_sha256, known.settings)
+    stored = replace(settings.method, label=label, min_visits=living.visits)
 
     def begin(work: Work | HeldWork) -> None:
         lifetime.lived = work.row

@@ -56,7 +56,7 @@ def targets_of(
 
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
-    check_together(method, settings.learner)
+    check_together(method, settings.learner, blends=learning.blends)
     if method.weighs and sources.family.tiled:
         raise NotAllowed(
             f"{method.name} corrects for the (1 - alpha)^n of the start that n updates leave in an entry of a table, which "
@@ -69,6 +69,7 @@ def targets_of(
         learning.seed,
         learning.keep_q,
         learning.evaluate_every,
+        known_at=learning.updates_known,
     )
     count = task_count(family, "target", learning.tasks)
     episode = EPISODE_BYTES + RETURN_BYTES * tells_returns(family, settings.gamma)
@@ -76,8 +77,24 @@ def targets_of(
     return targets, count
 
 
-def check_together(method: Method, learner: Learner) -> None:
-    """UsageError where the learner has no place for what the method brings beside a start table."""
+def check_together(method: Method, learner: Learner, *, blends: bool = False) -> None:
+    """UsageError where the learner has no place for what the method brings beside a start table, or one of them for a blend."""
+    if blends and (method.weighs or method.shapes or method.follows):
+        brings = (
+            "changes its start"
+            if method.weighs
+            else "shapes rewards"
+            if method.shapes
+            else "follows policies"
+        )
+        raise UsageError(
+            f"{method.name} {brings} while a task is learned, and --blend takes a method that is a start table alone; "
+            "leave out --blend"
+        )
+    if blends and not learner.blends:
+        raise UsageError(
+            f"--blend changes a one-step update of one value, which --learner {learner.name} does not make; {_those('blends')} do"
+        )
     if method.weighs and not learner.weighs:
         raise UsageError(
             f"{method.name} changes its start while a task is learned, as --learner {learner.name} does not allow; "
@@ -102,7 +119,9 @@ def learning_bytes(episodes: int) -> int:
 def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
     """What the default name of a run begins with."""
     learner = in_names(targets.learning.learner.name)
-    return f"{targets.family.label}-{_in_a_name(method.label)}{learner}-{count}-seed-{targets.seed}"
+    return (
+        f"{targets.family.label}-{_in_a_name(targets.label_of(method))}{learner}-{count}-seed-{targets.seed}"
+    )
 
 
 def plan_of(
@@ -126,7 +145,7 @@ def plan_of(
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         kernel=_kernel(targets, initial),
-        what=method.label,
+        what=targets.label_of(method),
         read=known.source,
         inputs=inputs,
         learning_bytes=learning_bytes(targets.learning.episodes),
@@ -146,6 +165,7 @@ def _kernel(targets: TargetTasks, initial: Initial) -> str:
         "with policies": len(initial.policies.actions) > 0,
         "with evaluations": targets.evaluate_every > 0,
         "with weights": initial.hypothesis_count > 0,
+        "with a blend": targets.known_at is not None,
     }
     first = f"{targets.family.name} targets{by_learner(targets.learning)}"
     return ", ".join([first, *(name for name, used in features.items() if used)])
@@ -202,6 +222,7 @@ def learn_targets(
             family.to_weights(own.potential[..., None])[..., 0] if own.potential.any() else None,
             own.policies,
             own.hypotheses,
+            targets.known_at,
         ),
         LaneStreams(
             rng=lane_seeds(sequences(targets.seed, targets.streams.rng, indices)),

@@ -159,7 +159,7 @@ def _curve(entry: Entry, group: RunGroup, metric: Metric, smooth: int, addition:
     shown = np.unique(np.linspace(0, curves[0].shape[1] - 1, POINTS).astype(np.int64))
     values = np.stack([each[:, shown] for each in curves])
     imported = entry.runs[0].settings.imported
-    label = marked(entry.label, entry.method, imported=imported) + addition
+    label = marked(entry.label, entry.method, imported=imported, blended=entry.blended) + addition
     return Curve(label, shown + 1, _band(values, group), entry.method, entry.plus)
 
 

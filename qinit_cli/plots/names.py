@@ -19,11 +19,11 @@ METRIC_LABELS = {
 MINUS = "\N{MINUS SIGN}"
 
 
-def marked(label: str, method: str, *, imported: bool = False) -> str:
+def marked(label: str, method: str, *, imported: bool = False, blended: bool = False) -> str:
     """The label of a method's line, bar or panel, with what a reader must know of it."""
     from qinit_cli.comparison.rows import remark
 
-    known = remark(method, imported=imported)
+    known = remark(method, imported=imported, blended=blended)
     return legible(f"{label} ({known})" if known else label)
 
 

@@ -156,7 +156,7 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
     with open_artefact(path, "run") as artefact:
         settings = RunSettings.read(artefact.spec)
         method = settings.method
-        label = marked(method.label, method.name)
+        label = marked(method.label, method.name, blended=method.blended)
         start = artefact.read("start")
         if any(column.name == "start" for column in artefact.schema.task_columns):
             largest, label = start.max(axis=-1).mean(axis=0), f"{label}, mean of targets"

@@ -3,6 +3,7 @@
 from qinit_cli.kernels.compiled import compiled, inlined
 from qinit_cli.kernels.learner import (
     Batch,
+    aim,
     arrive,
     begin_task,
     chose,
@@ -34,6 +35,7 @@ __all__ = [
     "Policies",
     "SteppedWorlds",
     "Tables",
+    "aim",
     "arrive",
     "begin_task",
     "below",

@@ -27,7 +27,7 @@ HEADINGS = {
 MARKS = {"privileged": "†", "reconstruction": "‡"}
 MEANINGS = {
     "privileged": "† privileged: reads the target's own parameters.",
-    "reconstruction": "‡ a reconstruction: the authors' formula is not public.",
+    "reconstruction": "‡ a reconstruction: made without the authors' formula.",
 }
 WORSE = "Worse is what has the whole 95 % interval of its difference, uncorrected, on the wrong side of zero."
 RESTRICTED = "Steps are min(steps, horizon): a method that seldom arrives looks better by them than it is."

@@ -132,6 +132,34 @@ class Ucb(EpsilonGreedy):
         return in_order([self.q[state][action] for action in best]) / len(best)
 
 
+class Tiles(Table):
+    """Weights (T, A); a state is the tuple of its active tiles, its values their sums."""
+
+    def __getitem__(self, state: Any) -> Any:
+        if isinstance(state, tuple):
+            return [in_order(list(own)) for own in zip(*(self[tile] for tile in state), strict=True)]
+        return super().__getitem__(state)
+
+
+class Blend:
+    """Keeps in q the mix (1 - k) Q0 + k Q of each of its numbers, k = min(1, n / known_at) after n updates of that number."""
+
+    def __init__(self, q: Table, known_at: int) -> None:
+        self.q, self.known_at = q, known_at
+        self.start = [list(row) for row in q]
+        self.learned = type(q)([0.0] * len(row) for row in q)
+        self.updates = [[0] * len(row) for row in q]
+
+    def add(self, state: Any, action: int, amount: float) -> None:
+        tiles = state if isinstance(state, tuple) else (state,)
+        for tile in tiles:
+            self.learned[tile][action] += amount * (1.0 / len(tiles))
+            self.updates[tile][action] += 1
+            k = min(1.0, self.updates[tile][action] / self.known_at)
+            start, learned = self.start[tile][action], self.learned[tile][action]
+            self.q[tile][action] = (1.0 - k) * start + k * learned
+
+
 class Learner:
     """What all have: the table, its tallies, targets and step sizes."""
 
@@ -145,10 +173,11 @@ class Learner:
     ) -> None:
         self.learning, self.options, self.gamma = learning, learning.learner, learning.gamma
         self.q, self.potential, self.explore, self.coins = q, potential, explore, coins
-        self.visits = [[0] * len(row) for row in q]
-        self.td_var = [[0.0] * len(row) for row in q]
-        self.left = [[1.0] * len(row) for row in q]  # the share of its start in a value
+        self.visits = type(q)([0] * len(row) for row in q)
+        self.td_var = type(q)([0.0] * len(row) for row in q)
+        self.left = type(q)([1.0] * len(row) for row in q)  # the share of its start in a value
         self.told = False  # whether the world tells its rewards: then R-Max sums them before what follows
+        self.blend: Blend | None = None  # None: what is learned is what acts
         self.weighed: Any = None  # hypotheses that an update's step is weighed by
 
     def begin(self, episode: int) -> None:
@@ -187,9 +216,13 @@ class Learner:
         self.td_var[state][action] += 0.01 * (error * error - self.td_var[state][action])
 
     def update(self, state: int, action: int, reward: float, after: int | None, future: float) -> None:
-        error = self.target(state, reward, after, future) - self.q[state][action]
+        learned = self.q if self.blend is None else self.blend.learned
+        error = self.target(state, reward, after, future) - learned[state][action]
         alpha = self.step_size(self.visits[state][action])
-        self.q[state][action] += alpha * error
+        if self.blend is None:
+            self.q[state][action] += alpha * error
+        else:
+            self.blend.add(state, action, alpha * error)
         self.tally(state, action, error)
         self.left[state][action] *= 1.0 - alpha
         if self.weighed is not None:

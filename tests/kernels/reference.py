@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from learner_reference import EXPLORATIONS, LEARNERS, greedy_actions, picked
+from learner_reference import EXPLORATIONS, LEARNERS, Blend, Table, greedy_actions, picked
 
 from qinit_cli.kernels.batch import LaneStreams
 from qinit_cli.learning import Learning
@@ -322,12 +322,18 @@ def learn(
     explore_while_following: bool = False,
     weighed: Weighed | None = None,
     coins: Iterator[int] | None = None,
+    known_at: int | None = None,
+    kind: type[Table] = list,
 ) -> Outcome:
-    """One task learned from start to end; `coins` (0 or 1) are those of double Q-learning."""
-    q = [[float(value) for value in row] for row in table]
+    """One task learned from start to end; `coins` (0 or 1) are those of double Q-learning.
+
+    `known_at`: updates after which a blended value is the learned one; `kind` of the table, which may be tiles.
+    """
+    q = kind([float(value) for value in row] for row in table)
     explore = EXPLORATIONS[learning.explore.name](learning, q)
     learner = LEARNERS[learning.learner.name](learning, q, potential, explore, coins)
     learner.weighed, learner.told = weighed, hasattr(world, "paid")
+    learner.blend = None if known_at is None else Blend(q, known_at)
     out = Outcome(q, learner.visits, learner.td_var)
     for episode in range(learning.episodes + 1):
         if every > 0 and episode % every == 0:

@@ -168,6 +168,8 @@ def plainly_learned(
         choosing,
         explore_while_following=choices is not None and start.policies.explore_while_following,
         coins=flipped(reference.xoshiro(given.learner[task])),
+        known_at=start.known_at,
+        kind=getattr(family, "kind", list),
     )
 
 
