@@ -289,7 +289,7 @@ def test_coarse_maps_show_means_of_what_is_known() -> None:
 
 
 def test_the_curve_climbs_from_one_corner_to_the_other() -> None:
-    lines = _plain(curve(np.linspace(0, 1, 1000), 1, "episode", ASCII))
+    lines = _plain(curve(np.linspace(0, 1, 1000), ("1", "1000"), "episode", ASCII))
     columns = [line.split("|")[1].find("*") for line in lines[:12]]
     assert columns == sorted(columns, reverse=True)
     assert columns[-1] == 0
