@@ -166,7 +166,7 @@ def _map(artefact: Artefact, shown: Shown, settings: Settings, slices: list[str]
     if shown.drawn != "heatmap":
         if slices:
             raise UsageError(
-                f"--slice {slices[0]}: show draws a {shown.drawn} of {artefact.kind}, which has no states; "
+                f"--slice {slices[0]}: show draws a {shown.drawn} of {artefact.kind} and no map; "
                 "a slice is of fits, and `qinit plot heatmaps` has one of runs"
             )
         return None
