@@ -26,6 +26,7 @@ class FitKind(Kind["FitSettings"]):
         "state-actions": "mu",
         "states": "value_mean",
         "library": "library_q",
+        "probes": PROBES,
     }
     table = "mu"
     by_task = False

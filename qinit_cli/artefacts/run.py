@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from qinit_cli.artefacts.kind import DIGEST_FIELD, Field, Kind, Reported, Shown
-from qinit_cli.environments.tiled import PROJECTED
+from qinit_cli.environments.tiled import PROBES, PROJECTED
 from qinit_cli.learners.exploration import EpsilonGreedy
 from qinit_cli.rewards import UNIT, ReturnBounds
 
@@ -42,6 +42,8 @@ class RunKind(Kind["RunSettings"]):
         "potential": "potential",
         "evaluations": "eval_return",
         "final": "q",
+        "start-weights": "start_weights",
+        "probes": PROBES,
     }
     table = "start"
     has_parameters = True

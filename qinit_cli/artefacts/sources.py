@@ -33,7 +33,13 @@ class SourcesKind(Kind["SourcesSettings"]):
     folder = "sources"
     maker = "train-sources"
     one, several, counted = "set of sources", "sets of sources", "sources"
-    tables: ClassVar[Mapping[str, str]] = {"tables": "q", "tasks": "solved", "curves": "curve_steps"}
+    tables: ClassVar[Mapping[str, str]] = {
+        "tables": "q",
+        "tasks": "solved",
+        "curves": "curve_steps",
+        "weights": WEIGHTS,
+        "probes": PROBES,
+    }
     table = "q"
     has_parameters = True
     indices = ("bin",)

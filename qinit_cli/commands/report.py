@@ -15,6 +15,7 @@ from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
 from qinit_cli.options import option
 from qinit_cli.output_file import OutputFile
+from qinit_cli.plots.plot import SLICE, UNSLICED
 
 if TYPE_CHECKING:
     from qinit_cli.report.document import Material
@@ -37,6 +38,7 @@ class Reporting:
         metavar="METHOD",
         default_text="zero",
     )
+    slice_: list[str] | None = option(None, SLICE, metavar="NAME=VALUE", default_text=UNSLICED)
     force: bool = option(False, "Replace a file of that name that is no page of qinit report.")
 
     @property
@@ -102,9 +104,12 @@ def _material(references: list[str], reporting: Reporting, store: str) -> Materi
             reporting.title,
             reporting.question,
             reporting.baseline or "zero",
+            tuple(reporting.slice_ or ()),
         )
     if len(given) > 1:
         raise UsageError(f"{folders[0]} is a folder: a page is made of one reproduction, or of artefacts")
     if reporting.baseline is not None:
         raise UsageError(f"--baseline {reporting.baseline}: the tables of {folders[0]} are made already")
+    if reporting.slice_:
+        raise UsageError(f"--slice {reporting.slice_[0]}: the pictures of {folders[0]} are drawn already")
     return reproduced.material(folders[0], store, reporting.title, reporting.question)

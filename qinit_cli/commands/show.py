@@ -5,25 +5,46 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from qinit_cli.artefacts.kinds import KINDS
 from qinit_cli.commands.console import console, note
-from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, READING, TABULAR, Display, Reading, Tabular
+from qinit_cli.commands.option_groups import (
+    DISPLAY,
+    IMPORTS,
+    READING,
+    TABULAR,
+    Display,
+    Group,
+    Reading,
+    Tabular,
+)
 from qinit_cli.commands.typer_commands import Reference, add_command
+from qinit_cli.errors import UsageError
+from qinit_cli.options import option
+from qinit_cli.plots.plot import SLICE, UNSLICED
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from qinit_cli.arrays import Flags
+    from qinit_cli.arrays import Flags, Floats
     from qinit_cli.artefacts.kind import Shown
+    from qinit_cli.artefacts.settings import Settings
     from qinit_store.reading import Artefact
     from qinit_store.schema import Axis
 
 SCHEMA = "qinit.show/1"
 LISTED = 12  # labels of an axis that are listed one by one
+
+
+@dataclass(frozen=True)
+class Picturing:
+    """What the map of a fit shows."""
+
+    slice_: list[str] | None = option(None, SLICE, metavar="NAME=VALUE", default_text=UNSLICED)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,29 +53,34 @@ def add_to(app: typer.Typer) -> None:
         app,
         "show",
         show,
-        {"tabular": TABULAR, "reading": READING, "display": DISPLAY},
+        {
+            "picturing": Group(Picturing, "Picture"),
+            "tabular": TABULAR,
+            "reading": READING,
+            "display": DISPLAY,
+        },
         imports=IMPORTS,
         references=(Reference("artefact", "A path, a name in the store, or - for stdin."),),
         help="Show an artefact: settings, origin, numbers, datasets, and a picture of it for people.",
     )
 
 
-def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) -> None:
+def show(artefact: str, picturing: Picturing, tabular: Tabular, reading: Reading, display: Display) -> None:
     """Prints what one artefact holds: sections and a picture for people, key and value for programs."""
     from qinit_cli.artefacts.opening import open_artefact
     from qinit_cli.artefacts.settings import outdated
     from qinit_cli.commands import references
     from qinit_cli.commands.show_sections import print_sections
     from qinit_cli.commands.tables import TableColumn, print_table
-    from qinit_cli.plots.state_axes import closed_states
 
+    slices = picturing.slice_ or []
+    if slices and tabular.chosen != "table":
+        raise UsageError(f"--slice {slices[0]} is of the picture, which --format table alone draws")
     with open_artefact(references.one(artefact, reading.store)) as opened:
         shown = KINDS[opened.kind].shown(opened)
         told = finite(_told(opened, shown))
-        states = _states(opened)
         settings = KINDS[opened.kind].read(opened.spec)
-    family = settings.sources.family.here if shown.drawn == "heatmap" else None
-    closed = {} if family is None else closed_states(family)
+        mapped = _map(opened, shown, settings, slices)
     warnings = outdated(settings)
     for warning in warnings:
         note(display, f"warning: {warning}")
@@ -62,7 +88,7 @@ def show(artefact: str, tabular: Tabular, reading: Reading, display: Display) ->
         case "table":
             terminal = _terminal(display)
             print_sections(told, terminal)
-            _print_picture(shown, states, closed, terminal)
+            _print_picture(shown, mapped, terminal)
         case "json":
             print(json.dumps({"schema": SCHEMA, **told}, allow_nan=False))
         case _:
@@ -119,10 +145,48 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return told
 
 
-def _states(artefact: Artefact) -> list[Axis]:
-    """The state axes of its table; none where it has no table."""
-    kind = KINDS[artefact.kind]
-    return list(kind.axes(artefact)[0]) if kind.has_table(artefact.schema) else []
+@dataclass(frozen=True)
+class TerminalMap:
+    """What is drawn of a table over states: its axes, its values over them, and what stands where it is closed."""
+
+    axes: tuple[Axis, ...]
+    values: Floats
+    closed: Mapping[str, Flags]
+    told: str
+
+
+def _map(artefact: Artefact, shown: Shown, settings: Settings, slices: list[str]) -> TerminalMap | None:
+    """The map of an artefact over its states; None where it has none, or its table has too many axes and no slice is asked for.
+
+    UsageError for slices of what is no map.
+    """
+    from qinit_cli.artefacts.slices import MOST_DRAWN, slice_of, slice_of_axes
+    from qinit_cli.plots.state_axes import closed_states
+
+    if shown.drawn != "heatmap":
+        if slices:
+            raise UsageError(
+                f"--slice {slices[0]}: show draws a {shown.drawn} of {artefact.kind} and no map; "
+                "a slice is of fits, and `qinit plot heatmaps` has one of runs"
+            )
+        return None
+    family = settings.sources.family.here
+    if settings.sources.family.tiled:
+        if family is None:
+            return None
+        sliced = slice_of(KINDS[artefact.kind].family(artefact), slices)
+    else:
+        states, _ = KINDS[artefact.kind].axes(artefact)
+        if not slices and len(states) != MOST_DRAWN:
+            return None
+        sliced = slice_of_axes(settings.sources.family.name, states, slices)
+    closed = {} if family is None else closed_states(family)
+    return TerminalMap(
+        sliced.axes,
+        sliced.known_values(shown.picture.reshape(-1, 1))[..., 0],
+        {name: sliced.of_states(there) for name, there in closed.items()},
+        sliced.told,
+    )
 
 
 def _label(value: Any) -> Any:
@@ -167,26 +231,30 @@ def flat(told: Any, above: str = "") -> list[tuple[str, Any]]:
     return [line for key, part in parts for line in flat(part, f"{above}.{key}" if above else str(key))]
 
 
-def _print_picture(shown: Shown, states: list[Axis], closed: Mapping[str, Flags], terminal: Console) -> None:
+def _print_picture(shown: Shown, mapped: TerminalMap | None, terminal: Console) -> None:
     """The picture of an artefact, with a line that says what it is."""
     from qinit_cli.plots.terminal.curve import curve
     from qinit_cli.plots.terminal.heatmap import MapAxis, heatmap
     from qinit_cli.plots.terminal.histogram import histogram
     from qinit_cli.plots.terminal.sheet import Sheet
 
-    sheet = Sheet.of(terminal)
-    match shown.drawn:
-        case _ if not shown.picture.size:
-            return
-        case "histogram":
-            lines = histogram(shown.picture, shown.label, sheet)
-        case "curve":
-            lines = curve(shown.picture, 1, shown.label, sheet)
-        case _:
-            if len(states) != 2:
-                return  # a map has two axes
-            rows, columns = (MapAxis(axis.name, [float(value) for value in axis.values]) for axis in states)
-            lines = heatmap(shown.picture, rows, columns, sheet, closed)
-    terminal.print(f"\n{shown.title}", style="bold")
+    sheet, title = Sheet.of(terminal), shown.title
+    if not shown.picture.size:
+        return
+    if mapped is not None:
+        title += mapped.told
+        first, *second = (MapAxis(axis.name, axis.values.tolist()) for axis in mapped.axes)
+        if second:
+            lines = heatmap(mapped.values, first, second[0], sheet, mapped.closed)
+        else:
+            ends = (first.at(0), first.at(len(first.values) - 1))
+            lines = curve(mapped.values, ends, first.name, sheet)
+    elif shown.drawn == "histogram":
+        lines = histogram(shown.picture, shown.label, sheet)
+    elif shown.drawn == "curve":
+        lines = curve(shown.picture, ("1", str(len(shown.picture))), shown.label, sheet)
+    else:
+        return  # a map has two axes
+    terminal.print(f"\n{title}", style="bold")
     for line in lines:
         terminal.print(line, no_wrap=True, overflow="crop")

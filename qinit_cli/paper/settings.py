@@ -62,8 +62,12 @@ def of_run(told: RunSettings, sources: SourceSet | None) -> Setting:
 
 
 def known(told: SourcesSettings | RunSettings) -> bool:
-    """Whether the claims are about its family and its reward."""
-    return told.family.name in DISTRIBUTION and told.family.payment(told.learning.gamma) is None
+    """Whether the claims are about its family as tables and its reward."""
+    return (
+        not told.family.tiled
+        and told.family.name in DISTRIBUTION
+        and told.family.payment(told.learning.gamma) is None
+    )
 
 
 def _setting(family: Family, told: list[str], full: bool) -> Setting:

@@ -50,18 +50,20 @@ class CarPlot(Plot):
         [path] = paths
         from qinit_cli.artefacts.opening import family_in, open_artefact
         from qinit_cli.environments.mountain_car import MountainCar
+        from qinit_cli.environments.tiled import TiledFamily
 
         with open_artefact(path, "sources") as artefact:
             family = family_in(artefact)
-            if not isinstance(family, MountainCar):
+            world = family.family if isinstance(family, TiledFamily) else family
+            if not isinstance(world, MountainCar):
                 raise NotAllowed(
                     f"{path} holds sources of {family.name}, where there is no car; draw those of mountain-car"
                 )
-            hill = _hill(family, artefact.read("eta"))
+            hill = _hill(world, artefact.read("eta"))
         with house_style():
             figure = car(hill, family.label if frame.title is None else frame.title, frame.width)
         return Drawn(
-            figure, frame.title or f"The car, the hill and the noise, {family.label}", _alt(hill, family)
+            figure, frame.title or f"The car, the hill and the noise, {family.label}", _alt(hill, world)
         )
 
 

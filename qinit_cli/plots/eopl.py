@@ -1,7 +1,7 @@
 """How long the paths from the target start are, over the tasks of each distribution; Figure 8.
 
 Each task's path is its own greedy one: the length that its table has for its best action there. It is that of the table's
-state, on Mountain Car of the bin's centre.
+state, on Mountain Car of the bin's centre; of tiles it is that of the first probe, where targets start.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import listed, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, alike, states
+from qinit_cli.plots.state_axes import shown_states
 from qinit_cli.plots.style import COLUMN, TEXT, folded, house_style, line_styles, plain_numbers
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class EoplPlot(Plot):
             (_shown(name, one) for name, one in zip(names, found, strict=True)),
             key=lambda each: each.floor,
         )
-        starts = dict.fromkeys(place(one.family.shown_states()[0]) for one in found)
+        starts = dict.fromkeys(place(shown_states(one.family)[0]) for one in found)
         own = f"{found[0].family.name}, expected optimal path lengths at {listed(list(starts))}"
         with house_style():
             figure = eopl(shown, own if frame.title is None else frame.title, frame.width)

@@ -13,7 +13,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import distinct, distribution, listed, number, place
-from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
+from qinit_cli.plots.plot import PLAIN, SLICE, UNSLICED, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, alike, firsts, states
 from qinit_cli.plots.state_axes import (
     ANY_SHAPE,
@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from qinit_cli.arrays import Flags, Floats
-    from qinit_cli.environments import Family
     from qinit_cli.plots.panels import Panels
+    from qinit_store.schema import Axis
 
 Quantity = Literal[
     "start",
@@ -97,6 +97,7 @@ class HeatmapsPlot(Plot):
     )
     scale: Literal["linear", "log"] = option("linear", "Colours by the value, or by its logarithm.")
     bare: bool = option(False, "Leave out the probabilities of the goal.")
+    slice_: list[str] | None = option(None, SLICE, metavar="NAME=VALUE", default_text=UNSLICED)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,9 +107,10 @@ class HeatmapsPlot(Plot):
     def drawn(self, paths: Sequence[Path], frame: Frame = PLAIN) -> Drawn:
         """Columns in the order of the artefacts; initialisations that a fit does not allow are left out, with a note."""
         from qinit_cli.plots.panels import read_panels
+        from qinit_cli.plots.profiles import profiles
 
-        found, notes = read_panels(paths, self.method, self.quantity)
-        upright, across = _sides([panels.family for panels in found])
+        found, notes = read_panels(paths, self.method, self.quantity, self.slice_ or ())
+        upright, across = _sides(found)
         words = distinctions([panels.settings for panels in found])
         names = distinct(
             [above_words(distribution(panels.family), own) for panels, own in zip(found, words, strict=True)],
@@ -118,17 +120,17 @@ class HeatmapsPlot(Plot):
         layers = list(_goals(found, names, shape)) if not self.bare and self.quantity == "start" else []
         layers.append(_layer(found, names, shape, self.quantity, logarithmic=self.scale == "log"))
         alone = found[0].family.label if len(found) == 1 else ""
+        title = alone if frame.title is None else frame.title
+        along = found[0].shown.continuous and len(found[0].shown.axes) == 1
         with house_style():
-            figure = heatmaps(
-                layers, upright, across, alone if frame.title is None else frame.title, frame.width
-            )
+            if along:
+                figure = profiles(layers[-1], across, title, frame.width)
+            else:
+                figure = heatmaps(layers, upright, across, title, frame.width)
         named = ", ".join(dict.fromkeys(panels.family.label for panels in found))
-        return Drawn(
-            figure,
-            frame.title or f"Heatmaps, {named}",
-            _alt(layers[-1], names, upright, across),
-            tuple(notes),
-        )
+        drawn = f"Curves over the {across.label}" if along else "Heatmaps"
+        alt = _alt(layers[-1], names, upright, across, drawn if along else "Heatmaps over the states")
+        return Drawn(figure, frame.title or f"{drawn}, {named}", alt, tuple(notes))
 
     @classmethod
     def in_report(cls, contents: Contents) -> Iterator[Planned]:
@@ -137,21 +139,22 @@ class HeatmapsPlot(Plot):
         captions = {path: caption for path, caption, _ in firsts(fits, CAPTION)}
         for same in alike({path: fits[path] for path in captions}, states).values():
             caption = next((captions[path] for path in same if captions[path] != CAPTION), CAPTION)
-            yield Planned(caption, "", partial(cls().drawn, same))
+            yield Planned(caption, "", partial(cls(slice_=contents.sliced(same)).drawn, same))
 
 
-def _sides(families: list[Family]) -> tuple[Side, Side]:
+def _sides(found: list[Panels]) -> tuple[Side, Side]:
     """The state axes: the first stands upright, the second lies across; a single one lies."""
     import numpy as np
 
-    if len({(family.name, family.shape) for family in families}) > 1:
-        spaces = ", ".join(dict.fromkeys(family.label for family in families))
+    if len({(panels.family.name, *map(_scale_of, panels.shown.axes)) for panels in found}) > 1:
+        spaces = ", ".join(dict.fromkeys(panels.family.label for panels in found))
         raise NotAllowed(f"panels of one picture share their state axes; those of {spaces} differ")
-    found = sides(families[0])
-    if len(found) > 2:
-        names = ", ".join(axis.name for axis in families[0].axes())
-        raise NotAllowed(f"a heatmap has one or two state axes, {families[0].name} has {names}")
-    return (found[0], found[1]) if len(found) == 2 else (Side("", np.zeros(1)), found[0])
+    drawn = sides(found[0].shown.axes)
+    return (drawn[0], drawn[1]) if len(drawn) == 2 else (Side("", np.zeros(1)), drawn[0])
+
+
+def _scale_of(axis: Axis) -> tuple[str, bytes]:
+    return axis.name, axis.values.tobytes()
 
 
 def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Iterator[Layer]:
@@ -160,13 +163,13 @@ def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Ite
 
     closed = _closed(found, names)
     probabilities = {
-        ("goals", name): panels.family.goal_chances().reshape(shape)
+        name: panels.shown.of_states(chances).reshape(shape)
         for name, panels in zip(names, found, strict=True)
+        if (chances := panels.family.goal_chances()).any()
     }
     changing = {
-        (row, name): without_closed(probability, closed[name])
-        for (row, name), probability in probabilities.items()
-        if probability.any()
+        ("goals", name): without_closed(probability, closed[name])
+        for name, probability in probabilities.items()
     }
     if changing:
         label = "probability that the goal is there"
@@ -175,7 +178,10 @@ def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Ite
 
 def _closed(found: list[Panels], names: list[str]) -> dict[str, dict[str, Flags]]:
     """The closed states of each column."""
-    return {name: closed_states(panels.family) for name, panels in zip(names, found, strict=True)}
+    return {
+        name: {kind: panels.shown.of_states(there) for kind, there in closed_states(panels.family).items()}
+        for name, panels in zip(names, found, strict=True)
+    }
 
 
 def _layer(
@@ -190,10 +196,10 @@ def _layer(
     }
     if logarithmic and any((table < 0).any() for table in tables.values()):
         raise UsageError(f"--scale log: {quantity} has values below 0; use --scale linear")
-    return Layer(found[0].label, tables, logarithmic=logarithmic, closed=closed)
+    return Layer(found[0].label + found[0].shown.told, tables, logarithmic=logarithmic, closed=closed)
 
 
-def _alt(layer: Layer, names: list[str], upright: Side, across: Side) -> str:
+def _alt(layer: Layer, names: list[str], upright: Side, across: Side, drawn: str) -> str:
     """What is drawn, and where each row is largest in its first and its last column."""
     rows = dict.fromkeys(row for row, _ in layer.panels)
     ends = list(dict.fromkeys((names[0], names[-1])))
@@ -203,7 +209,7 @@ def _alt(layer: Layer, names: list[str], upright: Side, across: Side) -> str:
         peaks = [_peak(layer, row, name, upright, across, named=len(names) > 1) for name in shown]
         parts.append(f"{row} {', '.join(peaks)}")
     columns = "" if len(names) == 1 else f" for {', '.join(name.replace(chr(10), ', ') for name in names)}"
-    return f"Heatmaps over the states{columns}: {layer.label}. Largest: {listed(parts)}."
+    return f"{drawn}{columns}: {layer.label}. Largest: {listed(parts)}."
 
 
 def _peak(layer: Layer, row: str, name: str, upright: Side, across: Side, *, named: bool) -> str:

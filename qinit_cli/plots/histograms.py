@@ -18,6 +18,7 @@ from qinit_cli.plots.drawn import Drawn
 from qinit_cli.plots.names import listed, number, place
 from qinit_cli.plots.plot import PLAIN, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, firsts
+from qinit_cli.plots.state_axes import shown_states
 from qinit_cli.plots.style import COLOURS, COLUMN, TEXT, house_style, plain_numbers
 from qinit_cli.rewards import SHARE, UNIT
 
@@ -83,7 +84,7 @@ class HistogramsPlot(Plot):
                     f"{len(chosen)} states do not fit side by side; name at most {MOST_STATES[frame.width]} with --state, "
                     "or draw several pictures"
                 )
-            values = _values(artefact, list(chosen.values()))
+            values = _values(artefact, family, list(chosen.values()))
             own = f"{family.label}, {artefact.task_count} source tasks"
             quantity = "Q" if Shares.of(artefact).bounds == UNIT else SHARE
         shown = [_shown(name, values[:, at], family) for at, name in enumerate(chosen)]
@@ -112,15 +113,15 @@ def _alt(shown: list[StateHistograms], own: str, quantity: str) -> str:
     )
 
 
-def _states(asked: Sequence[str] | None, family: Family) -> dict[str, tuple[int, ...]]:
-    """The states' names and their indices on the state axes, in the order they were asked for."""
+def _states(asked: Sequence[str] | None, family: Family) -> dict[str, tuple[float, ...]]:
+    """The states by their names, in the order they were asked for: indices on the state axes, coordinates of continuous ones."""
     named = None if asked is None else [_coordinates(text, family) for text in asked]
-    coordinates = family.shown_states() if named is None else named
-    return {place(places): _indices(places, family) for places in coordinates}
+    coordinates = shown_states(family) if named is None else named
+    return {place(places): _found(places, family) for places in coordinates}
 
 
 def _coordinates(text: str, family: Family) -> tuple[float, ...]:
-    names = [axis.name for axis in family.axes()]
+    names = [name for name, _ in _dimensions(family)]
     try:
         places = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -130,30 +131,36 @@ def _coordinates(text: str, family: Family) -> tuple[float, ...]:
     return places
 
 
-def _indices(places: tuple[float, ...], family: Family) -> tuple[int, ...]:
-    """The cell, or the nearest bin, of each coordinate; UsageError where the axis does not reach so far."""
-    import numpy as np
-
-    found = []
-    for coordinate, axis in zip(places, family.axes(), strict=True):
-        nearest = int(np.abs(axis.values - coordinate).argmin())
-        step = (axis.values[-1] - axis.values[0]) / max(1, len(axis.values) - 1)
-        whole = axis.values.dtype.kind in "iu"
-        if not abs(axis.values[nearest] - coordinate) <= (0 if whole else step / 2 * (1 + 1e-9)):
-            raise UsageError(
-                f"--state {','.join(f'{each:g}' for each in places)}: {axis.name} is "
-                f"{'a whole number ' if whole else ''}from {axis.values[0]:g} to {axis.values[-1]:g}"
-            )
-        found.append(nearest)
-    return tuple(found)
+def _found(places: tuple[float, ...], family: Family) -> tuple[float, ...]:
+    """The index, or what a continuous state has, of each coordinate; UsageError where its dimension does not reach so far."""
+    try:
+        return tuple(find(each) for each, (_, find) in zip(places, _dimensions(family), strict=True))
+    except ValueError as error:
+        raise UsageError(f"--state {','.join(f'{each:g}' for each in places)}: {error}") from error
 
 
-def _values(artefact: Artefact, states: list[tuple[int, ...]]) -> Floats:
+def _dimensions(family: Family) -> list[tuple[str, Callable[[float], float]]]:
+    """The name of each dimension of a state, and what finds a coordinate along it."""
+    from qinit_cli.artefacts.slices import entry, inside
+    from qinit_cli.environments.tiled import TiledFamily
+
+    if isinstance(family, TiledFamily):
+        return [(one[0], partial(inside, one)) for one in family.family.box()]
+    return [(axis.name, partial(entry, axis)) for axis in family.axes()]
+
+
+def _values(artefact: Artefact, family: Family, states: list[tuple[float, ...]]) -> Floats:
     """The states' values as shares, see rewards.ReturnBounds, in every task, (N, STATE, A); a block of tasks is in memory."""
     import numpy as np
 
-    from qinit_cli.artefacts.sources import blocks_in_shares
+    from qinit_cli.artefacts.sources import Shares, blocks_in_shares
+    from qinit_cli.environments.tiled import WEIGHTS, TiledFamily
+    from qinit_cli.projection import Projection
 
+    if isinstance(family, TiledFamily):
+        there, shares = Projection(family.coding, np.array(states)), Shares.of(artefact).bounds.shares
+        learned = artefact.blocks((WEIGHTS,), artefact.schema.block_size)
+        return np.concatenate([shares(there.values(block[WEIGHTS])) for block in learned])
     places = tuple(np.array(states).T)  # of each axis
     blocks = blocks_in_shares(artefact, ("q",))
     return np.concatenate([block["q"][:, *places] for block in blocks])

@@ -63,12 +63,18 @@ class NormalityPlot(Plot):
         """The test of a fit's values or path lengths, where it was made."""
         [path] = paths
         from qinit_cli.artefacts.opening import family_in, open_artefact
+        from qinit_cli.environments.tiled import TiledFamily
 
         with open_artefact(path, "fit") as artefact:
             family = family_in(artefact)
+            if isinstance(family, TiledFamily):
+                raise NotAllowed(
+                    f"{path} has a test at each of {family.cut.probes} probes, which make no map; write them with "
+                    f"`qinit export {path} --what state-actions`"
+                )
             tested = _tested(artefact, family, self.of, self.action)
             words = _words(artefact, tested, self.of)
-        axes = sides(family)
+        axes = sides(family.axes())
         if len(axes) != 2:
             names = ", ".join(axis.name for axis in family.axes())
             raise NotAllowed(f"a map has two state axes, {family.name} has {names}")

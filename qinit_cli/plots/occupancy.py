@@ -61,7 +61,7 @@ class OccupancyPlot(Plot):
         if len({(one.family.name, one.family.shape) for one in found}) > 1:
             labels = ", ".join(dict.fromkeys(one.family.label for one in found))
             raise NotAllowed(f"maps of one picture share their state axes; those of {labels} differ")
-        axes = sides(family)
+        axes = sides(family.axes())
         if len(axes) != 2:
             raise NotAllowed(f"a map has two state axes, {family.name} has {len(axes)}")
         if len(found) > MOST[frame.width]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,14 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourceSet
+from qinit_cli.artefacts.slices import GridSlice, Slice, slice_of
 from qinit_cli.comparison.distinctions import distinctions, with_words
+from qinit_cli.environments.tiled import TiledFamily
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.methods.method import Initialisation
 from qinit_cli.plots.names import marked
 
 if TYPE_CHECKING:
-    from qinit_cli.arrays import Floats, Integers
+    from qinit_cli.arrays import Flags, Floats, Integers
     from qinit_cli.environments import Family
     from qinit_cli.methods import Method
     from qinit_store.reading import Artefact
@@ -34,16 +37,18 @@ class Panels:
     fit: str  # its content hash
     settings: FitSettings | SourceSet  # its settings, as far as they are known
     label: str  # what the tables hold, with its unit
-    tables: dict[str, Floats]  # (S,) by method, or by the quantity's name
+    shown: Slice  # of the states
+    tables: dict[str, Floats]  # over its axes, by method, or by the quantity's name
     runs: dict[str, RunSettings] = field(default_factory=dict)  # the settings of the runs that brought tables
 
 
 def read_panels(
-    paths: Sequence[Path], methods: Sequence[str] | None, quantity: str
+    paths: Sequence[Path], methods: Sequence[str] | None, quantity: str, fixed: Sequence[str] = ()
 ) -> tuple[list[Panels], list[str]]:
     """The panels of each fit and of the runs that started from it, in the order of the artefacts; and what was left out.
 
-    UsageError for methods that have no start in a fit; NotAllowed where an artefact does not hold what is asked for.
+    State axes are `fixed`, see artefacts.slices. UsageError for methods that have no start in a fit; NotAllowed where an artefact
+    does not hold what is asked for.
     """
     from qinit_store.reading import describe
 
@@ -56,12 +61,12 @@ def read_panels(
     for path, kind in zip(paths, kinds, strict=True):
         match kind, quantity:
             case "fit", "start":
-                panels = _starts(path, chosen, notes if methods is None else None)
+                panels = _starts(path, chosen, fixed, notes if methods is None else None)
             case "fit", _:
-                panels = _table(path, quantity)
+                panels = _table(path, quantity, fixed)
             case "run", "start":
                 fits = [other for other, its in zip(paths, kinds, strict=True) if its == "fit"]
-                panels = _start(path, fits, notes)
+                panels = _start(path, fits, fixed, notes)
             case _:
                 wanted = "a fit or a run" if quantity == "start" else f"a fit, which alone has {quantity}"
                 raise NotAllowed(f"{path} holds {kind}; wanted {wanted}")
@@ -91,11 +96,13 @@ def _methods(names: Sequence[str] | None) -> list[type[Method]]:
     return [METHODS[name] for name in names]
 
 
-def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) -> Panels:
+def _starts(path: Path, methods: list[type[Method]], fixed: Sequence[str], notes: list[str] | None) -> Panels:
     """The start of each method, largest over the actions; those that the fit does not allow are noted, if anywhere."""
     from qinit_cli.pipeline.knowledge import Knowledge
 
     known = Knowledge.read(path)
+    shown = slice_of(known.family, fixed)
+    sourced = shown.known(known.fit.n > 0)
     tables = {}
     for method in methods:
         try:
@@ -107,46 +114,57 @@ def _starts(path: Path, methods: list[type[Method]], notes: list[str] | None) ->
             notes.append(f"{method.name} is left out: {refusal}")
         else:
             tables[marked(method.name, method.name)] = _largest(
-                start, known.fit.n, reads_sources=found.reads_sources
+                shown.values(start), sourced, reads_sources=found.reads_sources
             )
-    return Panels(known.family, known.content_sha256, known.settings, START_LABEL, tables)
+    return Panels(known.family, known.content_sha256, known.settings, START_LABEL, shown, tables)
 
 
-def _largest(start: Floats, n: Integers, *, reads_sources: bool) -> Floats:
-    """The start (S, A) of a method, largest over the actions, (S,).
+def _largest(start: Floats, sourced: Flags, *, reads_sources: bool) -> Floats:
+    """The start (*axes, A) of a method, largest over the actions, (*axes).
 
-    NaN where no source has a value, by their number `n` (S, A): there a method that reads sources starts from a bound.
+    NaN where it is not `sourced` (*axes, A): no source has a value, and a method that reads sources starts from a bound.
     """
     largest: Floats = start.max(axis=-1)
     if not reads_sources:
         return largest
-    known = ((start == largest[:, None]) & (n > 0)).any(axis=-1)
+    known = ((start == largest[..., None]) & sourced).any(axis=-1)
     return np.where(known, largest, np.nan)
 
 
-def _table(path: Path, quantity: str) -> Panels:
+def _table(path: Path, quantity: str, fixed: Sequence[str]) -> Panels:
     """One table of the fit at the action of the largest mean, the first where several are, NaN where no source knows."""
     from qinit_cli.artefacts.opening import family_in, open_artefact
 
     name = quantity.replace("-", "_")
     with open_artefact(path, "fit") as artefact:
         [column] = [column for column in artefact.schema.static_columns if column.name == name]
-        values = artefact.read(name).astype(np.float64)
-        mean = artefact.read("mean")
+        family = family_in(artefact)
+        if column.little_endian.kind != "f" and isinstance(family, TiledFamily):
+            raise NotAllowed(
+                f"{quantity} counts sources at each of {family.cut.probes} probes, which make no map; write the counts with "
+                f"`qinit export {path} --what state-actions`"
+            )
+        shown = slice_of(family, fixed)
+        actions = len(family.actions)
+        values, mean = (
+            shown.known_values(artefact.read(each).astype(np.float64).reshape(-1, actions))
+            for each in (name, "mean")
+        )
         greedy = np.where(np.isnan(mean), -np.inf, mean).argmax(axis=-1)
-        table = np.take_along_axis(values, greedy[..., None], axis=-1).ravel()
+        table = np.take_along_axis(values, greedy[..., None], axis=-1)[..., 0]
         unit = "" if column.unit == "1" else f" ({column.unit}s)"
         label = f"{column.long_name}{unit}, action of the largest mean"
         return Panels(
-            family_in(artefact),
+            family,
             artefact.content_sha256,
             FitSettings.read(artefact.spec),
             label,
+            shown,
             {quantity: table},
         )
 
 
-def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
+def _start(path: Path, fits: Sequence[Path], fixed: Sequence[str], notes: list[str]) -> Panels:
     """The start of a run, largest over the actions; that of a method which has one for each target is their mean.
 
     What no source knows stands in its fit, which is looked for among `fits` and in the run's store; a note reports its absence.
@@ -157,20 +175,33 @@ def _start(path: Path, fits: Sequence[Path], notes: list[str]) -> Panels:
         settings = RunSettings.read(artefact.spec)
         method = settings.method
         label = marked(method.label, method.name, blended=method.blended)
+        family = family_in(artefact)
+        shown = slice_of(family, fixed)
         start = artefact.read("start")
         if any(column.name == "start" for column in artefact.schema.task_columns):
-            largest, label = start.max(axis=-1).mean(axis=0), f"{label}, mean of targets"
+            largest, label = shown.of_states(start.max(axis=-1).mean(axis=0)), f"{label}, mean of targets"
         else:
+            values = _initial_values(artefact, shown, start)
             n = _sources_with_a_value(artefact, fits, notes)
-            largest = _largest(start.reshape(-1, start.shape[-1]), n, reads_sources=method.reads_sources)
+            sourced = shown.known(np.broadcast_to(n > 0, (math.prod(family.shape), len(family.actions))))
+            largest = _largest(values, sourced, reads_sources=method.reads_sources)
         return Panels(
-            family_in(artefact),
+            family,
             settings.content,
             settings.source_set,
             START_LABEL,
-            {label: largest.ravel()},
+            shown,
+            {label: largest},
             {label: settings},
         )
+
+
+def _initial_values(run: Artefact, shown: Slice, start: Floats) -> Floats:
+    """The start (S, A) of a run on a slice; of tiles the sums of the weights that its targets had first."""
+    if isinstance(shown, GridSlice):
+        return shown.of_weights(run.read("start_weights"))
+    values: Floats = shown.values(start)
+    return values
 
 
 def _sources_with_a_value(run: Artefact, fits: Sequence[Path], notes: list[str]) -> Integers:

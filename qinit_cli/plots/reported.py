@@ -24,6 +24,12 @@ class Contents:
 
     kinds: Mapping[str, Described]
     runs: list[ComparedRun]  # those of kind "run", as they were read
+    slices: tuple[str, ...] = ()  # NAME=VALUE of dimensions of continuous states that are fixed
+
+    def sliced(self, fits: Iterable[Path]) -> list[str] | None:
+        """The slices, if the fits are over continuous states."""
+        tiled = any(self.kinds["fit"][path]["settings"].sources.family.tiled for path in fits)
+        return list(self.slices) if tiled and self.slices else None
 
 
 @dataclass(frozen=True)

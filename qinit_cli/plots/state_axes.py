@@ -44,13 +44,20 @@ def axis_label(axis: Axis) -> str:
     return name if unit in ("", "1") else f"{name} ({unit})"
 
 
-def sides(family: Family) -> tuple[Side, ...]:
-    """The state axes as they are drawn; cells are counted downwards, as the rows of a matrix."""
+def shown_states(family: Family) -> tuple[tuple[float, ...], ...]:
+    """Coordinates of a few states to be shown, the target start first; of tiles those of the continuous states."""
+    from qinit_cli.environments.tiled import TiledFamily
+
+    return (family.family if isinstance(family, TiledFamily) else family).shown_states()
+
+
+def sides(axes: Iterable[Axis]) -> tuple[Side, ...]:
+    """The axes as they are drawn; cells are counted downwards, as the rows of a matrix."""
     import numpy as np
 
     return tuple(
         Side(axis_label(axis), axis.values.astype(np.float64), downwards=axis.values.dtype.kind in "iu")
-        for axis in family.axes()
+        for axis in axes
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
+from qinit_cli.errors import UsageError
 from qinit_cli.methods import METHODS
 from qinit_cli.report.numbers import listed
 
@@ -19,8 +20,17 @@ Described = dict[Path, dict[str, Any]]
 NAMED = 4  # distributions and methods that a sentence names; more are counted
 
 
-def material(paths: Sequence[Path], title: str | None, question: str | None, baseline: str) -> Material:
-    """What the page is made of, in the order sources, fits, runs, tunings."""
+def material(
+    paths: Sequence[Path],
+    title: str | None,
+    question: str | None,
+    baseline: str,
+    slices: tuple[str, ...] = (),
+) -> Material:
+    """What the page is made of, in the order sources, fits, runs, tunings; maps of continuous states with these `slices`.
+
+    UsageError where there are slices and no fit is over continuous states, or its dimensions cannot be fixed so.
+    """
     from qinit_cli.comparison.runs import read_runs
     from qinit_cli.plots.reported import Contents
     from qinit_cli.report.described import described
@@ -32,7 +42,9 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
     artefacts = described(paths)
     kinds = {kind: {path: told for path, told in artefacts.items() if told["kind"] == kind} for kind in KINDS}
     runs = read_runs(kinds["run"])
-    drawn, undrawn = figures(Contents(kinds, runs))
+    contents = Contents(kinds, runs, slices)
+    _check_slices(slices, kinds["fit"])
+    drawn, undrawn = figures(contents)
     return Material(
         title=title or _title(artefacts),
         question=question or _question(runs, baseline, tuned=bool(kinds["tuning"])),
@@ -46,6 +58,20 @@ def material(paths: Sequence[Path], title: str | None, question: str | None, bas
         absent=[],
         of_claims=False,
     )
+
+
+def _check_slices(slices: tuple[str, ...], fits: Described) -> None:
+    from qinit_cli.artefacts.slices import state_of
+    from qinit_cli.environments.tiled import TiledFamily
+
+    families = [told["settings"].sources.family.installed() for told in fits.values()] if slices else []
+    tiled = [family for family in families if isinstance(family, TiledFamily)]
+    if slices and not tiled:
+        raise UsageError(
+            f"--slice {slices[0]}: no fit of these artefacts is over continuous states; add one, or leave it out"
+        )
+    for family in tiled:
+        state_of(family, slices)
 
 
 def _tuned(path: Path) -> dict[str, Any]:

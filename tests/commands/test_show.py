@@ -289,7 +289,7 @@ def test_coarse_maps_show_means_of_what_is_known() -> None:
 
 
 def test_the_curve_climbs_from_one_corner_to_the_other() -> None:
-    lines = _plain(curve(np.linspace(0, 1, 1000), 1, "episode", ASCII))
+    lines = _plain(curve(np.linspace(0, 1, 1000), ("1", "1000"), "episode", ASCII))
     columns = [line.split("|")[1].find("*") for line in lines[:12]]
     assert columns == sorted(columns, reverse=True)
     assert columns[-1] == 0
@@ -300,7 +300,7 @@ def test_the_curve_climbs_from_one_corner_to_the_other() -> None:
 
 def test_braille_says_the_same_as_asterisks() -> None:
     values = np.concatenate([np.zeros(500), np.ones(500)])
-    lines = _plain(curve(values, 1, "episode", BLOCKS))
+    lines = _plain(curve(values, ("1", "9"), "episode", BLOCKS))
     dots = {
         line: sum(bin(ord(c) - 0x2800).count("1") for c in text if ord(c) >= 0x2800)
         for line, text in enumerate(lines[:12])
@@ -312,7 +312,7 @@ def test_braille_says_the_same_as_asterisks() -> None:
 
 def test_flat_and_short_curves_can_be_drawn() -> None:
     for values in (np.zeros(5), np.ones(1), np.full(3, -2.0)):
-        assert len(curve(values, 1, "episode", ASCII)) == 14
+        assert len(curve(values, ("1", "9"), "episode", ASCII)) == 14
 
 
 def test_every_value_is_in_one_bar_of_the_histogram() -> None:

@@ -19,11 +19,14 @@ DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # of a braille 
 COLOUR = "rgb(33,145,140)"  # the middle of the maps' scale
 
 
-def curve(values: Floats, first: int, xlabel: str, sheet: Sheet) -> list[Text]:
-    """The curve of `values` (P,) over the whole numbers from `first`, with both axes; the vertical one contains 0."""
+def curve(values: Floats, ends: tuple[str, str], xlabel: str, sheet: Sheet) -> list[Text]:
+    """The curve of `values` (P,), NaN where unknown, evenly spaced between labels at both ends; the vertical axis contains 0."""
     from rich.text import Text
 
-    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return [Text("no known value")]
+    low, high = min(0.0, float(known.min())), max(0.0, float(known.max()))
     high = high if high > low else low + 1.0
     marks = ticks(low, high, 5)
     texts = labels(marks)
@@ -42,7 +45,7 @@ def curve(values: Floats, first: int, xlabel: str, sheet: Sheet) -> list[Text]:
             Text(f"{at.get(line, ''):>{margin}}{bar}") + Text(row, style=COLOUR if sheet.colour else "")
         )
     lines.append(Text(f"{'':{margin}}{corner}" + dash * (sheet.width - margin - 2)))
-    lines.append(Text(" " * (margin + 1) + _beneath(first, len(values), xlabel, sheet.width - margin - 2)))
+    lines.append(Text(" " * (margin + 1) + _beneath(ends, xlabel, sheet.width - margin - 2)))
     return lines
 
 
@@ -53,10 +56,11 @@ def _filled(values: Floats, low: float, high: float, height: int, width: int) ->
         heights = np.add.reduceat(values, starts) / np.diff([*starts, len(values)])
     else:
         heights = np.interp(np.linspace(0, len(values) - 1, width), np.arange(len(values)), values)
-    rows = np.rint((high - heights) / (high - low) * (height - 1)).astype(np.int64)
+    known = np.flatnonzero(np.isfinite(heights))
+    rows = np.rint((high - heights[known]) / (high - low) * (height - 1)).astype(np.int64)
     filled = np.zeros((height, width), dtype=np.int64)
     before = rows[0]
-    for column, row in enumerate(rows):
+    for column, row in zip(known, rows, strict=True):
         # up to, and not with, the dot before: a steep piece stays one dot wide
         start, stop = (row, max(row, before - 1)) if row < before else (min(row, before + 1), row)
         filled[start : stop + 1, column] = 1
@@ -82,7 +86,7 @@ def _asterisks(filled: Integers) -> list[str]:
     return ["".join("*" if dot else " " for dot in row) for row in filled]
 
 
-def _beneath(first: int, count: int, xlabel: str, width: int) -> str:
-    """The first and the last number at the ends, the axis' name between them."""
-    last = str(first + count - 1)
-    return f"{first}{xlabel:^{max(len(xlabel) + 2, width - len(str(first)) - len(last))}}{last}"
+def _beneath(ends: tuple[str, str], xlabel: str, width: int) -> str:
+    """The labels at the ends, the axis' name between them."""
+    first, last = ends
+    return f"{first}{xlabel:^{max(len(xlabel) + 2, width - len(first) - len(last))}}{last}"
