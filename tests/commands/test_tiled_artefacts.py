@@ -101,14 +101,14 @@ def test_one_dimension_left_is_a_curve(tiled: Pipeline) -> None:
     assert [line.get_label() for line in axes.lines] == ["zero", "mean"]
     assert all(len(line.get_xdata()) == 60 for line in axes.lines)
     assert (axes.get_xlabel(), axes.get_xlim()) == ("position", pytest.approx((-1.2, 0.6)))
-    assert "at velocity 0, projected onto tiles from 64 probes" in drawn.alt
+    assert "at velocity 0, projected from probes onto tiles" in drawn.alt
     whole = heatmaps(method=["mean"]).drawn([tiled.fit]).figure.axes[0]
     assert (whole.get_xlabel(), whole.get_ylabel()) == ("velocity", "position")
 
 
 def test_show_draws_a_fit_over_its_box(here: Here, tiled: Pipeline) -> None:
     shown = here("show", tiled.fit, "--format", "table").out
-    assert "projected onto tiles from 64 probes" in " ".join(shown.split())
+    assert "projected from probes onto tiles" in " ".join(shown.split())
     assert "position down, velocity across" in shown
     along = here("show", tiled.fit, "--format", "table", "--slice", "position=-0.5").out
     assert "at position -0.5, projected" in " ".join(along.split())
@@ -136,7 +136,7 @@ def test_a_report_has_the_slice_and_says_what_is_not_drawn(here: Here, tiled: Pi
     ended = here("report", *everything, "--slice", "velocity=0.01", "-o", "page.html")
     assert ended.code == 0, ended.err
     page = Path("page.html").read_text()
-    assert "at velocity 0.01, projected onto tiles from 64 probes" in " ".join(page.split())
+    assert "at velocity 0.01, projected from probes onto tiles" in " ".join(page.split())
     assert "which make no map" in page
     wrong = here("report", tiled.fit, "--slice", "velocity=1", "-o", "other.html")
     assert (wrong.code, Path("other.html").exists()) == (2, False)
