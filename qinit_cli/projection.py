@@ -57,8 +57,8 @@ class Projection:
         from scipy.sparse.linalg import lsmr
 
         key = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
-        if key in self._found:  # the start of every batch of tasks
-            return self._found[key]
+        if (kept := self._found.get(key)) is not None:  # the start of every batch of tasks
+            return kept
         columns = np.moveaxis(values, -2, -1).reshape(-1, values.shape[-2])
         found = np.zeros((len(columns), self.coding.weights))
         for place, column in enumerate(columns):
