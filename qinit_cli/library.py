@@ -291,6 +291,10 @@ def train_sources(
     epsilon: float | str | Schedule | None = None,
     explore: str | Exploration | None = None,
     start: Literal["anywhere", "fixed"] | None = None,
+    representation: Literal["table", "tiles"] = "table",
+    tilings: int | None = None,
+    tiles: int | None = None,
+    probes: int | None = None,
     store: Where = None,
     output: Where = None,
     jobs: int | None = None,
@@ -320,6 +324,10 @@ def train_sources(
         epsilon=epsilon,
         explore=explore,
         start=start,
+        representation=representation,
+        tilings=tilings,
+        tiles=tiles,
+        probes=probes,
     )
     words = ("train-sources", family.name, *option_words(family), *option_words(asked))
     family = family.opened()

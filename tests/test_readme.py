@@ -23,6 +23,10 @@ case "$1 $2 $*" in
     "train-sources gym"*Acrobot*) set -- "$@" --tasks 1 --episodes 3 --horizon 50;;
     "train-sources gym"*CartPole*) set -- "$@" --tasks 3 --episodes 100;;
     "train-sources gridworld"*--map*) ;;
+    "train-sources continuous-gridworld"*) set -- "$@" --tasks 2 --episodes 100 --bins 5;;
+    "train-sources puddle-world"*) set -- "$@" --tasks 4 --episodes 100 --bins 5;;
+    "train-sources cart-pole"*) set -- "$@" --tasks 2 --episodes 500 --bins 1,4,6,4 --horizon 30;;
+    "train-sources acrobot"*) set -- "$@" --tasks 2 --episodes 20 --bins 3;;
     "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
     "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
@@ -82,6 +86,14 @@ def test_every_command_of_the_page_on_tasks_works(tmp_path: Path, ready: Ready) 
     assert there["run"]["file_task"].tolist() == [14, 15, 16, 17, 18, 19]
     assert there["lakes"]["file_task"].tolist() == [0, 1, 2, 3]
     assert {row["sets"] for row in there["rows"]} == {5}
+
+
+def test_every_command_of_the_page_on_continuous_environments_works(tmp_path: Path, ready: Ready) -> None:
+    blocks = _blocks("sh", README.parent / "docs" / "continuous.md")
+    (tmp_path / "bin").mkdir()
+    ended = _run(blocks, tmp_path, tmp_path / "bin", ready)
+    assert ended.returncode == 0, ended.stderr
+    assert "square-fit.h5" in ended.stdout
 
 
 def test_the_readme_shows_commands() -> None:

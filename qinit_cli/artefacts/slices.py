@@ -87,7 +87,7 @@ class GridSlice(Slice):
 
     @property
     def told(self) -> str:
-        return f"{super().told}, projected onto tiles from {len(self.fitted.probes)} probes"
+        return f"{super().told}, projected from probes onto tiles"
 
     def values(self, table: Floats) -> Floats:
         """Brought to weights; probes where it is NaN do not count."""

@@ -15,7 +15,7 @@ from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import UsageError
 from qinit_cli.options import option
 from qinit_cli.output_file import OutputFile
-from qinit_cli.plots.plot import SLICE, UNSLICED
+from qinit_cli.plots.plot import UNSLICED
 
 if TYPE_CHECKING:
     from qinit_cli.report.document import Material
@@ -38,7 +38,12 @@ class Reporting:
         metavar="METHOD",
         default_text="zero",
     )
-    slice_: list[str] | None = option(None, SLICE, metavar="NAME=VALUE", default_text=UNSLICED)
+    slice_: list[str] | None = option(
+        None,
+        "In maps of tiles fix a dimension of the states; may be given several times.",
+        metavar="NAME=VALUE",
+        default_text=UNSLICED,
+    )
     force: bool = option(False, "Replace a file of that name that is no page of qinit report.")
 
     @property

@@ -12,7 +12,7 @@ from qinit_cli.comparison.distinctions import above_words, distinctions
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.options import option
 from qinit_cli.plots.drawn import Drawn
-from qinit_cli.plots.names import distinct, distribution, listed, number, place
+from qinit_cli.plots.names import MINUS, distinct, distribution, listed, number, place
 from qinit_cli.plots.plot import PLAIN, SLICE, UNSLICED, Frame, Plot, Takes
 from qinit_cli.plots.reported import Contents, Planned, alike, firsts, states
 from qinit_cli.plots.state_axes import (
@@ -196,7 +196,8 @@ def _layer(
     }
     if logarithmic and any((table < 0).any() for table in tables.values()):
         raise UsageError(f"--scale log: {quantity} has values below 0; use --scale linear")
-    return Layer(found[0].label + found[0].shown.told, tables, logarithmic=logarithmic, closed=closed)
+    label = found[0].label + found[0].shown.told.replace(" -", f" {MINUS}")
+    return Layer(label, tables, logarithmic=logarithmic, closed=closed)
 
 
 def _alt(layer: Layer, names: list[str], upright: Side, across: Side, drawn: str) -> str:

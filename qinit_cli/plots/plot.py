@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from qinit_cli.plots.reported import Contents, Planned
 
 SLICE = "Fix an axis of the states, or a dimension of continuous ones; may be given several times."
-UNSLICED = "tiles draw the first two dimensions, the others at the target start"
+UNSLICED = "of tiles the first two dimensions vary, the others are at the target start"
 Width = Literal["column", "text"]
 
 

@@ -1,4 +1,4 @@
-"""The example for deep agents, at a small size: a DQN with a start reaches the flag, one from scratch does not yet."""
+"""The example for deep agents, at a small size: a DQN with a start reaches the flag earlier than one from scratch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.soak
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("--noise", "0.005", "--reward", "step", "--tasks", "20", "--episodes", "100000")
-LEAST = -200.0  # the return of an episode that is cut off
+MARGIN = 25.0  # steps, of the 200 after which an episode is cut off
 
 
 def test_a_dqn_with_a_start_is_ahead_of_one_from_scratch(tmp_path: Path) -> None:
@@ -41,6 +41,7 @@ def test_a_dqn_with_a_start_is_ahead_of_one_from_scratch(tmp_path: Path) -> None
     assert names.split("\t") == ["steps", "scratch", "regression", "prior"]
     means = [[float(cell.split()[0]) for cell in row.split("\t")] for row in rows]
     assert [row[0] for row in means] == [1000, 2000, 3000]
-    assert float(alone.split()[-3]) > -150  # -117 measured
-    assert all(scratch == LEAST and prior > -170 for _, scratch, _, prior in means)  # -130 measured
-    assert means[-1][2] > LEAST + 20  # -153 measured
+    assert float(alone.split()[-3]) > -150  # -121 measured
+    for _, scratch, regression, prior in means:
+        assert regression > scratch + MARGIN  # by 45 to 51 measured
+        assert prior > scratch + MARGIN  # by 50 to 69 measured
