@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from qinit_cli.artefacts.columns import index
@@ -10,6 +12,13 @@ from qinit_cli.environments.tiled import PROBES, PROJECTED, WEIGHTS, TiledFamily
 from qinit_store.schema import TASK, Axis, Column
 
 Layout = tuple[tuple[Axis, ...], tuple[Column, ...]]
+
+_PROBES = Column(
+    PROBES,
+    ("probe", "dimension"),
+    "f8",
+    long_name="continuous states at which values are kept, the first where targets start",
+)
 
 
 def joined(*layouts: Layout) -> Layout:
@@ -23,10 +32,7 @@ def probe_columns(family: Family) -> Layout:
     if not isinstance(family, TiledFamily):
         return (), ()
     names = np.array([name for name, _, _ in family.box()], "S")
-    told = "continuous states at which values are kept, the first where targets start"
-    return (Axis("dimension", names, "", "dimension of a state"),), (
-        Column(PROBES, ("probe", "dimension"), "f8", long_name=told),
-    )
+    return (Axis("dimension", names, "", "dimension of a state"),), (_PROBES,)
 
 
 def weight_columns(family: Family, *, per_task: bool) -> Layout:
@@ -37,12 +43,12 @@ def weight_columns(family: Family, *, per_task: bool) -> Layout:
     return (index("tile", family.coding.weights),), (weights,)
 
 
-def library_columns(family: Family) -> Layout:
-    """The axis of the tiles and the column of the weights of the library, or nothing."""
+def fit_columns(family: Family, axes: Mapping[str, Axis]) -> Layout:
+    """Two `axes` of the sources, dimensions and tiles, and the columns of the probes and of the library's weights, or nothing."""
     if not isinstance(family, TiledFamily):
         return (), ()
     weights = Column("library_weights", ("library", "tile", "action"), "f8", long_name="weights of a source")
-    return (index("tile", family.coding.weights),), (weights,)
+    return (axes["dimension"], axes["tile"]), (_PROBES, weights)
 
 
 def start_columns(family: Family, *, per_task: bool) -> Layout:

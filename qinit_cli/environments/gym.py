@@ -8,15 +8,16 @@ read, learned in the compiled loop and solved exactly; else it is simulated by g
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
 from qinit_cli.environments.chosen_rows import sources_of, targets_of
 from qinit_cli.environments.foreign import aside
-from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, shortest_cut
+from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, played, shortest_cut
 from qinit_cli.environments.gym_examples import PLAYED, doubt, ends, examples, idle, paid_range, with_values
 from qinit_cli.environments.gym_making import made
 from qinit_cli.environments.gym_options import BINS, GOAL, RANGE, RETURNS, SET, STATE, WRAP
@@ -198,7 +199,7 @@ class Gym(TableFamily):
         """A warning where the environment observed what lies beyond the bounds that it names; none if it did not."""
         return [
             f"{self.env_id} observed values beyond its own bounds in dimension {dimension} ({counted(count, 'time')}); "
-            f"they count in the last bin: give --range {dimension}=LOW:HIGH"
+            f"they count as at the bound: give --range {dimension}=LOW:HIGH"
             for dimension, count in sorted(self._seen.beyond.items())
         ]
 
@@ -261,6 +262,32 @@ class Gym(TableFamily):
         if not self._seen.dimensions:
             return super().covers()
         return tuple(each.covered for each in self._seen.dimensions)
+
+    def box(self) -> tuple[tuple[str, float, float], ...]:
+        """Name, low and high of each number of a continuous state; beyond them it counts as at the edge.
+
+        UsageError where states are numbered, or hold whole numbers, and where they are to be put into bins.
+        """
+        dimensions = self._seen.dimensions
+        if not dimensions:
+            raise UsageError(
+                f"{self.env_id} numbers its states, and --representation tiles is of a Box; leave it out"
+            )
+        whole = [f"{place} ({each.name})" for place, each in enumerate(dimensions) if each.whole]
+        if whole:
+            raise UsageError(
+                f"dimension {whole[0]} of {self.env_id} is a whole number, and --representation tiles is of a Box alone; name "
+                "other attributes by --state, or leave it out"
+            )
+        if self.bins is not None:
+            raise UsageError(
+                "--bins is of a table, and --representation tiles has --tiles in its place; leave out one of them"
+            )
+        return tuple((f"x{place}", each.low, each.high) for place, each in enumerate(dimensions))
+
+    def target_state(self) -> tuple[float, ...]:
+        """The mean of the continuous states in which episodes of the environment as it is start."""
+        return self._seen.start
 
     def parameters(self) -> tuple[Column, ...]:
         """What a task is made of: what is varied."""
@@ -393,7 +420,7 @@ class Gym(TableFamily):
 
         if self.tabular:
             return super().worlds(tasks, own)
-        episodes = OneAtATime(lambda place, horizon: self._episodes(tasks[place], horizon))
+        episodes = OneAtATime(lambda place, horizon, *state: self._episodes(tasks[place], horizon, *state))
         return PythonWorlds(
             episodes,
             self._seen.states,
@@ -401,6 +428,7 @@ class Gym(TableFamily):
             seeds(own),
             around=episodes,
             pays=self._native,
+            dimensions=len(self._seen.dimensions),
         )
 
     def path_lengths(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
@@ -432,6 +460,20 @@ class Gym(TableFamily):
             for task, values in zip(tasks, q, strict=True)
         ]
         return np.array(share, np.float64) >= LIKELY
+
+    def greedy_episodes(
+        self, task: Any, act: Callable[[Floats], int], horizon: int, episodes: int
+    ) -> list[tuple[Floats, bool]]:
+        """Episodes with seeds from 0 on whose actions are those of the continuous states f8 (D,).
+
+        Of each the states in which it went on, (steps, D), and whether it reached the goal.
+        """
+        import numpy as np
+
+        state = np.empty(len(self._seen.dimensions))
+        with aside(), closing(self._episodes(task, horizon, state)) as world:
+            met = played(world, lambda _: (state.copy(), act(state)), horizon, episodes)
+        return [(np.array([at for at, _ in trail]), reached) for trail, reached in met]
 
     def visits(self, tasks: Tasks, q: Floats, horizon: int) -> NDArray[np.int32]:
         """The states on the likeliest way, (B, S), or of the first greedy episode; zeros where that does not arrive."""
@@ -534,28 +576,21 @@ class Gym(TableFamily):
             )
         return one
 
-    def _episodes(self, task: Any, horizon: int) -> Episodes:
+    def _episodes(self, task: Any, horizon: int, state: Floats | None = None) -> Episodes:
+        """The task's episodes over the table's states; with a continuous `state` f8 (D,) they write that."""
         recipe = self._of(task)
         shortest_cut(recipe)  # refuses what no seed brings back
         env = made(recipe)
-        return Episodes(self.env_id, env, self._seen.state, self.goal or "", horizon, self._native)
+        seen = self._seen.state if state is None else partial(self._seen.write, state)
+        return Episodes(self.env_id, env, seen, self.goal or "", horizon, self._native)
 
     def _probe(
         self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
     ) -> list[tuple[list[tuple[int, int]], bool]]:
         """Greedy episodes: the pairs met, and whether each reached the goal."""
-        from qinit_cli.kernels.worlds import GOAL
-
-        greedy, played = q.argmax(axis=1).tolist(), []
+        greedy = q.argmax(axis=1).tolist()
         with aside(), closing(self._episodes(task, horizon)) as world:
-            for seed in range(episodes):
-                state = world.start(seed)
-                trail: list[tuple[int, int]] = []
-                while state >= 0 and len(trail) < horizon:
-                    trail.append((state, greedy[state]))
-                    state = world.step(greedy[state])
-                played.append((trail, state == GOAL))
-        return played
+            return played(world, lambda state: (state, greedy[state]), horizon, episodes)
 
     def _values(self) -> tuple[TransitionTable, Floats]:
         """An example's table, and its exact values, (S,)."""

@@ -8,13 +8,18 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from qinit_cli.environments.foreign import Improper, aside, fault
 from qinit_cli.environments.gym_making import close, has_table, opened
 from qinit_cli.environments.gym_recipe import Recipe
 from qinit_cli.environments.gym_tables import SURVIVED, verdict
 from qinit_cli.errors import NotAllowed
+
+if TYPE_CHECKING:
+    from qinit_cli.arrays import Floats
+
+Met = TypeVar("Met")
 
 TRIED_STEPS = 100  # of the episodes that are played twice: some milliseconds of a task
 TRIED_RESETS = 20  # beyond them: where an episode starts may be all the randomness there is
@@ -79,13 +84,15 @@ class Episodes:
 class OneAtATime:
     """The episodes of the task that is learned: those of the task before it are closed. Entered while tasks are learned."""
 
-    of: Callable[[int, int], Episodes]  # a task's place in the batch, and the horizon
+    of: Callable[
+        ..., Episodes
+    ]  # a task's place in the batch, the horizon, and the state that they write, if any
     _now: Episodes | None = None
 
-    def __call__(self, place: int, horizon: int) -> Episodes:
+    def __call__(self, place: int, horizon: int, *state: Floats) -> Episodes:
         """The task's episodes."""
         self._leave()
-        self._now = self.of(place, horizon)
+        self._now = self.of(place, horizon, *state)
         return self._now
 
     def __enter__(self) -> OneAtATime:
@@ -106,6 +113,24 @@ class OneAtATime:
         now, self._now = self._now, None
         if now is not None:
             now.close()
+
+
+def played(
+    world: Episodes, policy: Callable[[int], tuple[Met, int]], horizon: int, episodes: int
+) -> list[tuple[list[tuple[Met, int]], bool]]:
+    """Episodes with seeds from 0 on: what the policy notes of each state with the action that it takes, and whether the goal
+    was reached."""
+    from qinit_cli.kernels.worlds import GOAL
+
+    found = []
+    for seed in range(episodes):
+        state = world.start(seed)
+        trail: list[tuple[Met, int]] = []
+        while state >= 0 and len(trail) < horizon:
+            trail.append(policy(state))
+            state = world.step(trail[-1][1])
+        found.append((trail, state == GOAL))
+    return found
 
 
 def reset_state(env_id: str, env: Any, seed: int, seen: Callable[[Any], int]) -> int:

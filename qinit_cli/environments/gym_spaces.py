@@ -24,7 +24,7 @@ from qinit_store.wording import counted, noun
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from qinit_cli.arrays import Integers
+    from qinit_cli.arrays import Floats, Integers
 
 DEFAULT_BINS = 10
 UNBOUNDED = 1e6  # a bound beyond it is none
@@ -74,6 +74,7 @@ class Seen:
         default_factory=Counter
     )  # observations beyond the environment's own bounds, by dimension, so far in this process
     limit: int = 0  # steps after which it cuts an episode off, as far as that is known; 0: never
+    start: tuple[float, ...] = ()  # means of the dimensions after the resets
 
     @property
     def states(self) -> int:
@@ -95,6 +96,15 @@ class Seen:
             state = state * bins + int(place)
         return state if self._bins else self._careful(row)
 
+    def write(self, state: Floats, observation: Any) -> int:
+        """Writes an observation's numbers f8 (D,), none of them a whole one, and gives 0; Improper where one is not finite."""
+        row = self.row(observation)
+        for number, (value, dimension) in enumerate(zip(row, self.dimensions, strict=True)):
+            if not dimension.low <= value <= dimension.high:  # nor where the value is no number
+                self._bin(value, number, dimension)
+        state[:] = row
+        return 0
+
     @cached_property
     def _bins(self) -> list[tuple[float, float, float, int]]:
         """Of each dimension where the bins begin, what they cover and how many there are; none if one is of whole numbers."""
@@ -113,8 +123,7 @@ class Seen:
     def _bin(self, value: float, number: int, dimension: Dimension) -> int:
         if not isfinite(value):
             raise Improper(
-                f"the environment observed {value} in dimension {number}, which is in no bin; its "
-                "observations must be finite"
+                f"the environment observed {value} in dimension {number}; its observations must be finite"
             )
         bins = dimension.length
         place = (value - dimension.low) / (dimension.high - dimension.low) * bins
@@ -151,11 +160,19 @@ def seen(recipe: Recipe, bins: str, ranges: tuple[str, ...]) -> Seen:
         there = _spaces(recipe, env, bins, ranges)
         if there.table:
             read(recipe)  # before a step fails by what is wrong with it
-        resets = [reset_state(recipe.env_id, env, seed, there.state) for seed in range(RESETS)]
+        rows: list[list[Any]] = []
+
+        def state(observation: Any) -> int:
+            if there.dimensions:
+                rows.append(there.row(observation))
+            return there.state(observation)
+
+        resets = [reset_state(recipe.env_id, env, seed, state) for seed in range(RESETS)]
         limits = [time_limit(env), shortest_cut(recipe)]
     return replace(
         there,
         resets=np.array(resets, np.int64),
+        start=tuple(np.mean(rows, axis=0).tolist()) if rows else (),
         limit=min((limit for limit in limits if limit), default=0),
     )
 

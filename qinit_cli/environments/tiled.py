@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from qinit_cli.environments.bases import LIKELY
@@ -53,10 +53,13 @@ class TiledFamily:
     """A family of continuous states, learned by tiles; whatever is not told here is the family's own.
 
     A table of it is over P probes. `at` are their states (P, D), the first where targets start; they belong to the sources
-    (pipeline.probes) and travel in artefacts. UsageError for a family without continuous states, NotAllowed for too many tiles.
+    (pipeline.probes) and travel in artefacts. UsageError for a family without continuous states; `coding` and `refusal` raise
+    NotAllowed for too many tiles, not the family that is read, whose box may be that of an environment.
     """
 
-    family: Any  # a Family with `box`, `continuous` worlds and `target_state`
+    # a Family with `box`, `target_state` and `continuous` worlds; with `greedy_episodes` where steps are Python's, in which no
+    # state can be chosen
+    family: Any
     cut: Tiles
     at: Floats | None = field(default=None, compare=False, repr=False)
 
@@ -68,7 +71,6 @@ class TiledFamily:
             raise UsageError(
                 f"{self.family.name} has no continuous states, and --representation tiles is of those; leave it out"
             )
-        _ = self.coding
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "family":  # while it is copied it has none
@@ -77,7 +79,7 @@ class TiledFamily:
 
     @cached_property
     def coding(self) -> TileCoding:
-        """The tiles over the family's box."""
+        """The tiles over the family's box; UsageError where an environment has none, NotAllowed for too many."""
         box = self.family.box()
         low, high = (tuple(float(one[place]) for one in box) for place in (1, 2))
         return TileCoding(low, high, self.cut.tilings, self.cut.tiles)
@@ -164,14 +166,17 @@ class TiledFamily:
             return f"--alpha {learning.alpha} counts updates of a state of a table, which tiles have not; give a number"
         if isinstance(learning.explore, Ucb):
             return f"--explore {learning.explore} counts visits of a state of a table, which tiles have not"
+        _ = self.coding  # says so itself if there is none
         refusal: str = self.family.refusal(learning)
         return refusal
 
     def worlds(self, tasks: Tasks, own: Sequence[np.random.SeedSequence]) -> TiledWorlds:
         """The tasks as the compiled loop takes them."""
+        from qinit_cli.kernels.python_steps import TiledPythonWorlds
         from qinit_cli.kernels.tiles import TiledWorlds
 
-        return TiledWorlds(self.family.worlds(tasks, own), self.coding)
+        made = TiledPythonWorlds if self._played else TiledWorlds
+        return made(self.family.worlds(tasks, own), self.coding)
 
     def to_weights(self, table: Floats) -> Floats:
         """The weights (..., T, A) that come nearest to a table (..., P, A)."""
@@ -205,8 +210,12 @@ class TiledFamily:
     def path_lengths(self, tasks: Tasks, weights: Floats, horizon: int) -> NDArray[np.int32]:
         """Steps of the greedy path from each probe by each action first, (B, P, A); -1 where it does not arrive.
 
-        Without noise.
+        Without noise. -1 throughout where no state can be chosen.
         """
+        import numpy as np
+
+        if self._played:
+            return np.full((*weights.shape[:1], *self.shape, weights.shape[2]), -1, np.int32)
         from qinit_cli.kernels.tile_paths import path_lengths
 
         return path_lengths(*self._alone(tasks), weights, self.projection.probes, horizon)
@@ -215,6 +224,9 @@ class TiledFamily:
         """Whether at least every other of 10 greedy episodes from where targets start reaches the goal, (B,); noise included."""
         import numpy as np
 
+        if self._played:
+            reached = [[goal for _, goal in each] for each in self._episodes(tasks, weights, horizon, JUDGED)]
+            return np.array([np.mean(each) for each in reached], np.float64) >= LIKELY
         from qinit_cli.kernels.tile_paths import greedy_paths
 
         arrived = np.zeros(len(tasks))
@@ -224,12 +236,40 @@ class TiledFamily:
         likely: Flags = arrived >= LIKELY * JUDGED
         return likely
 
-    def paths(self, tasks: Tasks, weights: Floats, horizon: int, *, anywhere: bool) -> Floats:
-        """The states of a greedy path of each task, (B, H + 1, D), NaN once it is over."""
+    def visited(self, tasks: Tasks, weights: Floats, horizon: int, paths: int) -> Floats:
+        """The states on so many greedy paths of each task, (N, D).
+
+        One begins where targets start, and the others anywhere; all of them where targets start if no state can be chosen.
+        """
+        import numpy as np
+
+        if self._played:
+            played = self._episodes(tasks, weights, horizon, paths)
+            return np.concatenate([states for each in played for states, _ in each])
         from qinit_cli.kernels.tile_paths import greedy_paths
 
-        states, _ = greedy_paths(*self._alone(tasks), weights, horizon, anywhere=anywhere)
-        return states
+        again = np.repeat(np.arange(len(tasks)), paths - 1)
+        first, _ = greedy_paths(*self._alone(tasks), weights, horizon, anywhere=False)
+        others, _ = greedy_paths(*self._alone(tasks[again]), weights[again], horizon, anywhere=True)
+        states = np.concatenate([each.reshape(-1, each.shape[-1]) for each in (first, others)])
+        on_the_way: Floats = states[np.isfinite(states).all(axis=1)]  # NaN once a path is over
+        return on_the_way
+
+    @property
+    def _played(self) -> bool:
+        """Whether steps are Python's."""
+        return hasattr(self.family, "greedy_episodes")
+
+    def _episodes(
+        self, tasks: Tasks, weights: Floats, horizon: int, episodes: int
+    ) -> Iterator[list[tuple[Floats, bool]]]:
+        """Of each task so many greedy episodes: the states that were met, (steps, D), and whether the goal was reached."""
+        for task, own in zip(tasks, weights, strict=True):
+            yield self.family.greedy_episodes(task, partial(self._greedy, own), horizon, episodes)
+
+    def _greedy(self, weights: Floats, state: Floats) -> int:
+        """The first of the actions whose weights, those of the active tiles, sum up to most."""
+        return int(weights[self.coding.active(state[None])[0]].sum(axis=0).argmax())
 
     def _alone(self, tasks: Tasks, seed: int = 0) -> tuple[TiledWorlds, Any]:
         """The worlds of some tasks and the draws of paths in them: the same for every task, whatever it learned from."""

@@ -17,10 +17,11 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, types
 
-from qinit_cli.arrays import Integers
+from qinit_cli.arrays import Floats, Integers
 from qinit_cli.kernels.loop import compiled_loop
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import THIRTY_TWO, Words, draw
+from qinit_cli.kernels.tiles import TiledWorld, TiledWorlds
 from qinit_cli.kernels.worlds import LOST, starts, steps
 from qinit_cli.learning import Learning
 
@@ -63,11 +64,33 @@ class PaidPythonWorld(NamedTuple):
     paid: Any  # f8 (L,) the last step's reward, which the step writes
 
 
+class ContinuousPythonWorld(NamedTuple):
+    """As PythonWorld, a world of kernels.continuous; at an end `observed` may stay what it was."""
+
+    start: int
+    step: int
+    observed: Any  # f8 (L, D)
+
+
+class PaidContinuousPythonWorld(NamedTuple):
+    """As ContinuousPythonWorld, with rewards."""
+
+    start: int
+    step: int
+    observed: Any
+    paid: Any
+
+
+WORLDS = PythonWorld, PaidPythonWorld, ContinuousPythonWorld, PaidContinuousPythonWorld
+
+
 @dataclass
 class PythonWorlds:
     """Tasks to learn, B of them, that are simulated in Python."""
 
-    simulators: Callable[[int, int], Simulator]  # of a task's place in the batch, and the horizon
+    # of a task's place in the batch and the horizon; of a continuous world also of the state f8 (D,), which its starts and
+    # steps write: the table's state is then 0
+    simulators: Callable[..., Simulator]
     states: int
     actions: int
     rng: Words  # (B, 4)
@@ -75,8 +98,10 @@ class PythonWorlds:
         default_factory=nullcontext
     )  # entered while tasks are learned
     pays: bool = False  # the simulators are PaidSimulators
+    dimensions: int = 0  # of a continuous state; 0: there is none
     _there: dict[int, Simulator] = field(default_factory=dict)
     _failed: list[BaseException] = field(default_factory=list)
+    _callbacks: list[Any] = field(default_factory=list)  # alive as long as the loop may call them
 
     lanes: ClassVar[int] = 1  # none of them could go on while another waits for Python
     alone: ClassVar[int] = 1
@@ -98,13 +123,36 @@ class PythonWorlds:
 
     def loop(self, learning: Learning, lanes: int) -> tuple[Function, PythonWorld | PaidPythonWorld]:
         """The loop, which raises what a simulator has raised, and the world that it takes."""
-
         paid = np.zeros(lanes)
+        begin, move = self._addresses(learning.horizon, paid)
+        world = PaidPythonWorld(begin, move, paid) if self.pays else PythonWorld(begin, move)
+        return self.raising(compiled_loop(learning, type(world))), world
+
+    def continuous(self, lanes: int, horizon: int) -> ContinuousPythonWorld | PaidContinuousPythonWorld:
+        """The world of continuous states, with so many lanes."""
+        paid, observed = np.zeros(lanes), np.zeros((lanes, self.dimensions))
+        begin, move = self._addresses(horizon, paid, observed[0])
+        if self.pays:
+            return PaidContinuousPythonWorld(begin, move, observed, paid)
+        return ContinuousPythonWorld(begin, move, observed)
+
+    def raising(self, advance: Function) -> Function:
+        """The loop, raising what a simulator has raised."""
+
+        def raising(blocks: int, *arguments: Any) -> None:
+            advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
+            if self._failed:
+                raise self._failed[0]
+
+        return raising
+
+    def _addresses(self, horizon: int, paid: Floats, *state: Floats) -> tuple[int, int]:
+        """Where compiled code starts an episode, and steps; `paid` and the state are written."""
 
         def start(task: int, seed: int) -> int:
             if task not in self._there:
                 self._there.clear()  # the task before it is done
-                self._there[task] = self.simulators(task, learning.horizon)
+                self._there[task] = self.simulators(task, horizon, *state)
             return self._there[task].start(seed)
 
         def step(task: int, action: int) -> int:
@@ -118,19 +166,9 @@ class PythonWorlds:
 
         stepping = paid_step if self.pays else step
         callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(stepping, LOST))
-        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-
-        begin, move = addresses
-        world = PaidPythonWorld(begin, move, paid) if self.pays else PythonWorld(begin, move)
-        advance = compiled_loop(learning, type(world))
-
-        def raising(blocks: int, *arguments: Any) -> None:
-            advance(min(blocks, 1), *arguments)  # a block at a time: whoever stops it should not wait
-            assert callbacks  # alive as long as the loop may call them
-            if self._failed:
-                raise self._failed[0]
-
-        return raising, world
+        self._callbacks.extend(callbacks)
+        begin, move = (ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks)
+        return begin, move
 
     def _safe(self, function: Callable[[int, int], int], instead: int) -> Callable[[int, int], int]:
         """The function; once it raised, the exception is kept, and the rest of the block is nobody's."""
@@ -147,6 +185,22 @@ class PythonWorlds:
         return call
 
 
+class TiledPythonWorlds(TiledWorlds):
+    """TiledWorlds of PythonWorlds."""
+
+    def __enter__(self) -> TiledPythonWorlds:
+        self.inner.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.inner.__exit__(*error)
+
+    def loop(self, learning: Learning, lanes: int) -> tuple[Function, TiledWorld]:
+        """The loop, which raises what a simulator has raised, and the world that it takes."""
+        advance, world = super().loop(learning, lanes)
+        return self.inner.raising(advance), world
+
+
 @intrinsic
 def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
     """Calls the function of two integers at that address."""
@@ -158,16 +212,11 @@ def _call(typing: Any, address: Any, task: Any, value: Any) -> Any:
     return types.int64(types.int64, types.int64, types.int64), generate
 
 
-@starts(PythonWorld, PaidPythonWorld)
+@starts(*WORLDS)
 def _start(world, task, lane, rng, anywhere):
     return _call(world.start, np.int64(task), np.int64(draw(rng) >> THIRTY_TWO))
 
 
-@steps(PythonWorld, cuts=True)
+@steps(*WORLDS, cuts=True)
 def _step(world, task, lane, state, action, uniform, rng):
-    return _call(world.step, np.int64(task), np.int64(action))
-
-
-@steps(PaidPythonWorld, cuts=True)
-def _paid_step(world, task, lane, state, action, uniform, rng):
     return _call(world.step, np.int64(task), np.int64(action))

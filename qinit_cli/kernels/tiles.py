@@ -74,6 +74,11 @@ class TiledWorld(NamedTuple):
     slot: Any  # i8 (L,) of each lane's state
     width: int  # entries of `weights` of a tile
 
+    @property
+    def paid(self) -> Any:
+        """f8 (L,) each lane's last reward; AttributeError where the continuous world notes none."""
+        return self.inner.paid
+
 
 class TileMemory(NamedTuple):
     """As lane.Memory, for sums of weights of up to four actions; `visits` and `td_var` are not kept."""

@@ -42,8 +42,8 @@ def starts(*worlds: type, around: bool = False) -> Callable[[Function], Any]:
     return register
 
 
-def steps(world: type, *, cuts: bool = False, around: bool = False) -> Callable[[Function], Any]:
-    """Registers what a step does in worlds of that class, and compiles it.
+def steps(*worlds: type, cuts: bool = False, around: bool = False) -> Callable[[Function], Any]:
+    """Registers what a step does in worlds of these classes, and compiles it.
 
     The function takes (world, task, lane, state, action, uniform, rng) and returns the table's state that the step leads to,
     GOAL or LOST. `uniform` is uniform in [0, 1); what needs more draws from `rng`. What the table does not see is kept in
@@ -52,9 +52,14 @@ def steps(world: type, *, cuts: bool = False, around: bool = False) -> Callable[
     as in `starts`.
     """
     if cuts:
-        _CUTTING.add(world)
-    compiles = unkept_inlined if around else inlined
-    return lambda function: _STEPS.setdefault(world, compiles(function))
+        _CUTTING.update(worlds)
+
+    def register(function: Function) -> Any:
+        made = unkept_inlined(function) if around else inlined(function)
+        _STEPS.update(dict.fromkeys(worlds, made))
+        return made
+
+    return register
 
 
 def start_of(world, task, lane, rng, anywhere):

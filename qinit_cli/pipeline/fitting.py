@@ -15,7 +15,7 @@ from qinit_cli.artefacts.fit_columns import fit_statistics
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.settings import FitSettings, SourcesSettings
 from qinit_cli.artefacts.sources import Shares, blocks_in_shares
-from qinit_cli.artefacts.tile_columns import joined, library_columns, probe_columns
+from qinit_cli.artefacts.tile_columns import fit_columns
 from qinit_cli.environments import Family
 from qinit_cli.environments.family import bounds_of
 from qinit_cli.environments.tiled import PROBES, WEIGHTS, TiledFamily
@@ -141,7 +141,7 @@ def _schema(source: Artefact, family: Family, fitting: FitOptions, library: int)
     settings = SourcesSettings.read(source.spec)
     bounds = settings.bounds
     more_axes, more_columns = fit_statistics(statistics.contents(fitting), state_action)
-    axes, columns = joined(probe_columns(family), library_columns(family))
+    axes, columns = fit_columns(family, source.axes)
     return fit_schema(
         tuple(states),
         action,

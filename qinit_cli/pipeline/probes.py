@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PILOTS = 8  # tasks whose greedy paths are followed
 PILOT_SHARE, FEWEST_EPISODES = 50, 200  # of the episodes that sources learn for
-PATHS = 16  # of each pilot: one from where targets start, the others from anywhere
+PATHS = 16  # of each pilot: one from where targets start, the others from anywhere if that can be
 PILOT_SEED = 0  # whatever the sources' seed: replicates have the same probes
 
 
@@ -61,13 +61,9 @@ def _visited(pilots: SourceTasks) -> Floats:
     from qinit_cli.pipeline.sources import learned
 
     family: Any = pilots.family
-    indices = np.arange(PILOTS)
+    there = family.available("source")
+    indices = np.arange(PILOTS if there is None else min(PILOTS, there))
     tasks = draw_tasks(family, pilots.seed, pilots.streams.task, indices)
     weights = learned(pilots, tasks, indices, Watch())["q"]
-    horizon = pilots.learning.horizon
-    found = [family.paths(tasks, weights, horizon, anywhere=False)]
-    again = np.repeat(np.arange(PILOTS), PATHS - 1)
-    found.append(family.paths(tasks[again], weights[again], horizon, anywhere=True))
-    states = np.concatenate([each.reshape(-1, each.shape[-1]) for each in found])
-    inside: Floats = states[np.isfinite(states).all(axis=1)]
-    return inside
+    visited: Floats = family.visited(tasks, weights, pilots.learning.horizon, PATHS)
+    return visited

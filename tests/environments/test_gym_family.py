@@ -281,7 +281,7 @@ def unmeasured() -> Iterator[str]:
 def test_an_observation_that_is_no_number_is_refused_in_a_sentence(
     here: Callable[..., Any], unmeasured: str, number: str
 ) -> None:
-    words = f"the environment observed {number} in dimension 1, which is in no bin"
+    words = f"the environment observed {number} in dimension 1; its observations must be finite"
     learn = ("train-sources", "gym", unmeasured, "--goal", "survived", "--tasks", 1, "--episodes", 2)
     reset = here(*learn, "-q", "--set", f"first={number}")
     assert (reset.code, reset.out) == (4, "")

@@ -35,6 +35,12 @@ class Tiles:
         ]
 
 
+def coordinates(world: Any) -> Sequence[float]:
+    """What a world observes, or where a car is."""
+    observed: Sequence[float] | None = getattr(world, "observed", None)
+    return (world.position, world.velocity) if observed is None else observed
+
+
 class Linear:
     """Values that are sums of weights; a `potential` and policies are other weights, by places of tiles."""
 
@@ -46,7 +52,7 @@ class Linear:
         self.traces: list[list[Any]] = []  # [place, action, trace], in the order met last
 
     def places(self) -> list[Place]:
-        return self.tiles.active((self.world.position, self.world.velocity))
+        return self.tiles.active(coordinates(self.world))
 
     def values(self, places: list[Place]) -> list[float]:
         return [
@@ -114,7 +120,7 @@ def learn(
     for _ in range(learning.episodes):
         world.reset()
         linear.traces, length, reached, waiting = [], 0, False, None
-        while not reached and length < learning.horizon:
+        while not (reached or reference.ended(world)) and length < learning.horizon:
             draw, places = next(rng), linear.places()
             values = linear.values(places)
             explores = (draw >> 12 & 2**20 - 1) < limit
@@ -128,7 +134,7 @@ def learn(
                 linear.learn(*waiting, learning.gamma * values[action])
             reached = world.step(draw, action)
             length += 1
-            after = None if reached else linear.places()
+            after = None if reached or reference.ended(world) else linear.places()
             follows = [0.0] if after is None else linear.values(after)
             if waits and after is not None:
                 waiting = places, action
@@ -137,7 +143,8 @@ def learn(
                 continue
             expects = learning.learner.name == "expected-sarsa"
             bootstrap = linear.expected(follows) if expects else max(follows)
-            target = 1.0 if after is None else learning.gamma * bootstrap
+            reward = getattr(world, "paid", float(reached))
+            target = reward if after is None else learning.gamma * bootstrap + reward
             if potential is not None:
                 before = in_order([0.0, *map(potential, places)])
                 ahead = 0.0 if after is None else learning.gamma * in_order([0.0, *map(potential, after)])
