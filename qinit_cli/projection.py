@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 # of the weights' norm, beside that of the errors: it decides what the probes leave open, and moves what they determine by
 # 1e-12 of its value
 RIDGE = 1e-6
-TOLERANCE = 1e-14  # of the least-squares solution
-MOST_ITERATIONS = 20_000
+TOLERANCE = 1e-12  # of the least-squares solution: 1e-9 in a weight
+MOST_ITERATIONS = 5_000
 MOST_RANKED = 4096  # weights whose rank is worked out: a second
 
 

@@ -130,6 +130,19 @@ def test_learning_that_counts_by_state_is_refused(given: dict[str, Any], told: s
         qinit.train_sources(CAR, tasks=2, **settings, **given)
 
 
+def test_a_lifetime_that_adds_entries_is_refused(fit: qinit.Fit) -> None:
+    with pytest.raises(NotAllowed, match="values by tiles have none; leave --update out"):
+        qinit.lifelong("mean", fit, tasks=2, episodes=3, update=True)
+
+
+def test_parameters_are_chosen_by_sources_in_the_place_of_targets() -> None:
+    several = qinit.train_sources(CAR, tasks=10, **BY_TILES)
+    tuning = qinit.tune("ops-tl", several, grid={"nu": [0.9, 1.0]}, episodes=3)
+    assert tuning["average"].shape == (10, 3)
+    with pytest.raises(NotAllowed, match="weights that many states share"):
+        qinit.tune("posterior", several, episodes=3)
+
+
 def test_families_of_tables_and_options_without_tiles_are_refused() -> None:
     with pytest.raises(UsageError, match="gridworld has no continuous states"):
         qinit.train_sources(Gridworld(), tasks=2, representation="tiles")
