@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qinit_cli.errors import NotAllowed
 from qinit_cli.tile_coding import TileCoding
 
 if TYPE_CHECKING:
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
 # 1e-12 of its value
 RIDGE = 1e-6
 TOLERANCE = 1e-12  # of the least-squares solution: 1e-9 in a weight
-MOST_ITERATIONS = 5_000
+MOST_ITERATIONS = 50_000  # as many weights as probes may take 20,000: some seconds an action
+KEPT = 2  # solutions: a start and a potential, which every batch of tasks asks for again
+OUT_OF_ITERATIONS = 7  # scipy's reason to stop
 MOST_RANKED = 4096  # weights whose rank is worked out: a second
 
 
@@ -28,7 +31,7 @@ class Projection:
 
     coding: TileCoding
     probes: Floats
-    _found: dict[str, Floats] = field(default_factory=dict, repr=False)
+    _found: dict[tuple[tuple[int, ...], str], Floats] = field(default_factory=dict, repr=False)
 
     @cached_property
     def active(self) -> Integers:
@@ -53,29 +56,44 @@ class Projection:
         return summed
 
     def weights(self, values: Floats) -> Floats:
-        """The weights (..., T, A) whose values at the probes are nearest to `values` (..., P, A); of equals the shortest."""
-        from scipy.sparse.linalg import lsmr
+        """The weights (..., T, A) whose values at the probes are nearest to `values` (..., P, A); of equals the shortest.
 
-        key = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
-        if (kept := self._found.get(key)) is not None:  # the start of every batch of tasks
+        NotAllowed where they are not found.
+        """
+        key = values.shape, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+        if (kept := self._found.get(key)) is not None:
             return kept
         columns = np.moveaxis(values, -2, -1).reshape(-1, values.shape[-2])
         found = np.zeros((len(columns), self.coding.weights))
         for place, column in enumerate(columns):
             if column.any():
-                found[place] = lsmr(
-                    self.features,
-                    column,
-                    damp=RIDGE,
-                    atol=TOLERANCE,
-                    btol=TOLERANCE,
-                    conlim=0,
-                    maxiter=MOST_ITERATIONS,
-                )[0]
+                found[place] = self._solution(column)
         shaped = found.reshape(*values.shape[:-2], values.shape[-1], -1)
         weights: Floats = np.ascontiguousarray(np.moveaxis(shaped, -1, -2))
-        self._found.clear()
+        for old in list(self._found)[: len(self._found) + 1 - KEPT]:
+            self._found.pop(old, None)
         self._found[key] = weights
+        return weights
+
+    def _solution(self, values: Floats) -> Floats:
+        """The weights (T,) of one action's values (P,); NotAllowed where the iterations are too few to find them."""
+        from scipy.sparse.linalg import lsmr
+
+        solution, stop, *_ = lsmr(
+            self.features,
+            values,
+            damp=RIDGE,
+            atol=TOLERANCE,
+            btol=TOLERANCE,
+            conlim=0,
+            maxiter=MOST_ITERATIONS,
+        )
+        if stop == OUT_OF_ITERATIONS:
+            raise NotAllowed(
+                f"{len(values)} probes barely determine {self.coding.weights} weights an action, and {MOST_ITERATIONS} "
+                "iterations of least squares did not find them; learn sources with more --probes or other --tiles"
+            )
+        weights: Floats = solution
         return weights
 
     @cached_property

@@ -20,7 +20,8 @@ class TileCoding:
     """`tilings` grids of `tiles` tiles along each of D dimensions.
 
     Grid i is shifted by (2 d + 1) i / tilings of a tile along dimension d, modulo a tile. Shifted grids have one tile more, so
-    that each covers the box. States beyond the box are in its outermost tiles. NotAllowed where the weights would be too many.
+    that each covers the box. States beyond the box are in its outermost tiles, NaN in the
+    lowest. NotAllowed where the weights would be too many.
     """
 
     low: tuple[float, ...]  # (D,)
@@ -83,8 +84,8 @@ class TileCoding:
         import numpy as np
 
         inside = (states - np.array(self.low)) * self.scales()
-        # below the box's end, else the unshifted grids would have a tile for that alone
-        inside = np.clip(inside, 0.0, np.nextafter(self.tiles, 0.0))
+        # below the box's end, else the unshifted grids would have a tile for that alone; NaN counts as low
+        inside = np.fmin(np.fmax(inside, 0.0), np.nextafter(self.tiles, 0.0))
         along = (inside[:, :, None] + self.offsets()).astype(np.int64)
         tiles: Integers = (along * self.strides()[:, None]).sum(axis=1) + self.first()
         return tiles

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
+from qinit_cli import projection
 from qinit_cli.errors import NotAllowed
 from qinit_cli.projection import Projection
 from qinit_cli.tile_coding import TileCoding
@@ -30,7 +31,8 @@ def test_offsets_are_odd_parts_of_a_tile() -> None:
 
 def test_states_beyond_the_box_are_in_its_outermost_tiles() -> None:
     coding = TileCoding(*UNIT_SQUARE, tilings=1, tiles=3)
-    assert coding.active(np.array([[-7.0, 0.5], [9.0, np.inf]])).tolist() == [[1], [8]]
+    states = np.array([[-7.0, 0.5], [9.0, np.inf], [np.nan, 0.9]])
+    assert coding.active(states).tolist() == [[1], [8], [2]]
 
 
 @pytest.mark.parametrize(
@@ -84,6 +86,21 @@ def test_one_tiling_takes_the_mean_of_the_probes_in_each_tile() -> None:
     values = np.array([[1.0], [3.0], [5.0]])
     np.testing.assert_allclose(projection.weights(values), [[2.0], [0.0], [5.0], [0.0]], atol=1e-9)
     assert (projection.untouched, projection.rank) == (2, 2)
+
+
+def test_weights_that_are_not_found_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(projection, "MOST_ITERATIONS", 2)
+    coding = TileCoding(*UNIT_SQUARE, tilings=4, tiles=5)
+    with pytest.raises(
+        NotAllowed, match="64 probes barely determine 144 weights an action, and 2 iterations"
+    ):
+        Projection(coding, probes(64)).weights(np.random.default_rng(0).random((64, 1)))
+
+
+def test_values_of_another_shape_are_brought_to_weights_of_that_shape() -> None:
+    one = Projection(TileCoding(*UNIT_SQUARE, tilings=1, tiles=2), probes(16))
+    values = np.random.default_rng(0).random((16, 2))
+    assert [one.weights(each).shape for each in (values, values[None], values)] == [(4, 2), (1, 4, 2), (4, 2)]
 
 
 def test_each_task_may_have_a_start_of_its_own() -> None:
