@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column
 
 EXACT_TOLERANCE = 1e-12  # on V
+JUDGED = 10  # greedy episodes by which a task without a table is judged
 LIKELY = 0.5  # a policy has solved a task that reaches the goal at least so often
 
 

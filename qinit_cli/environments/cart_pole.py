@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Floats, Tasks
 
+# as the kernel has them, which help texts must not import
 TRACK = 2.4
-FALLEN = 12 * 2 * math.pi / 360
+UPRIGHT = 12 * 2 * math.pi / 360
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class CartPole(PhysicalFamily):
         return (
             ("x", -TRACK, TRACK),
             ("x_dot", -3.0, 3.0),
-            ("theta", -FALLEN, FALLEN),
+            ("theta", -UPRIGHT, UPRIGHT),
             ("theta_dot", -3.0, 3.0),
         )
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.environments.bases import LIKELY, NeutralFamily
+from qinit_cli.environments.bases import JUDGED, LIKELY, NeutralFamily
 from qinit_cli.environments.physical_parameters import PhysicalParameter
 from qinit_cli.environments.varied_values import VariedValues
 from qinit_cli.options import options
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column
 
 MOST_BINS = 1_000_000  # of a table; the paths from all their centres are followed
-PROBES = 10  # greedy episodes by which a task is judged
 BINS = "Bins along each dimension of the table: one number, or one for each."  # a help text
 
 
@@ -34,9 +33,8 @@ class ContinuousFamily(NeutralFamily):
 
     bins: str | None  # N or N,N,...; None only until the usual ones are filled in
     usual_bins: ClassVar[str]
-    start_spread: ClassVar[float] = (
-        0.0  # targets start uniformly so far around `target_state`, along every dimension
-    )
+    # targets start uniformly within it of `target_state`, in every dimension
+    start_spread: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -177,9 +175,9 @@ class ContinuousFamily(NeutralFamily):
 
         counts = np.empty(len(tasks), np.int64)
         binned = self._alone(tasks, horizon, noisy=True)
-        words = np.tile(_words(PROBES), (len(tasks), 1, 1))
+        words = np.tile(_words(JUDGED), (len(tasks), 1, 1))
         for_world(arrivals, binned)(binned, *policy, words, horizon, counts)
-        likely: Flags = counts >= LIKELY * PROBES
+        likely: Flags = counts >= LIKELY * JUDGED
         return likely
 
     def _usual(self) -> dict[str, Any]:

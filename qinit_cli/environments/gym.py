@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.environments.bases import EXACT_TOLERANCE, LIKELY, TableFamily
+from qinit_cli.environments.bases import EXACT_TOLERANCE, JUDGED, LIKELY, TableFamily
 from qinit_cli.environments.chosen_rows import sources_of, targets_of
 from qinit_cli.environments.foreign import aside
 from qinit_cli.environments.gym_episodes import Episodes, OneAtATime, played, shortest_cut
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from qinit_store.schema import Axis, Column
 
 ATTRIBUTES = re.compile(r"[A-Za-z]\w*(,[A-Za-z]\w*)*")
-PROBES = 10  # greedy episodes, seeds 0 to 9, by which a task that has no table is judged
 
 
 @dataclass(frozen=True)
@@ -585,7 +584,7 @@ class Gym(TableFamily):
         return Episodes(self.env_id, env, seen, self.goal or "", horizon, self._native)
 
     def _probe(
-        self, task: Any, q: Floats, horizon: int, episodes: int = PROBES
+        self, task: Any, q: Floats, horizon: int, episodes: int = JUDGED
     ) -> list[tuple[list[tuple[int, int]], bool]]:
         """Greedy episodes: the pairs met, and whether each reached the goal."""
         greedy = q.argmax(axis=1).tolist()

@@ -84,9 +84,8 @@ class Episodes:
 class OneAtATime:
     """The episodes of the task that is learned: those of the task before it are closed. Entered while tasks are learned."""
 
-    of: Callable[
-        ..., Episodes
-    ]  # a task's place in the batch, the horizon, and the state that they write, if any
+    # of a task's place in the batch, the horizon, and the state that they write, if any
+    of: Callable[..., Episodes]
     _now: Episodes | None = None
 
     def __call__(self, place: int, horizon: int, *state: Floats) -> Episodes:
@@ -118,8 +117,7 @@ class OneAtATime:
 def played(
     world: Episodes, policy: Callable[[int], tuple[Met, int]], horizon: int, episodes: int
 ) -> list[tuple[list[tuple[Met, int]], bool]]:
-    """Episodes with seeds from 0 on: what the policy notes of each state with the action that it takes, and whether the goal
-    was reached."""
+    """Of episodes with seeds from 0 on: what the policy notes at each step and its action, and whether the goal was reached."""
     from qinit_cli.kernels.worlds import GOAL
 
     found = []

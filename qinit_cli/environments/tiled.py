@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from qinit_cli.environments.bases import LIKELY
+from qinit_cli.environments.bases import JUDGED, LIKELY
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.learners.exploration import Ucb
 from qinit_cli.options import check, option
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 # columns of their states, of what tasks learn, and of the values that a start's weights have there
 PROBES, WEIGHTS, PROJECTED = "probes", "weights", "projected"
-JUDGED = 10  # greedy episodes by which a task is judged
 DIVERGED = 100.0  # widths of the attainable return: values beyond are no estimate of any return
 
 

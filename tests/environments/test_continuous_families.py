@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from typing import Any
 
@@ -55,6 +56,15 @@ def test_the_box_names_the_axes_and_holds_the_target_start(name: str) -> None:
     assert family._starts().sum() == pytest.approx(1)
     (bins,) = {tuple(family.shape)}
     assert FAMILIES[name](bins=",".join(map(str, bins))) == family
+
+
+def test_boxes_and_starts_are_those_of_the_worlds() -> None:
+    carts, acrobots = (
+        importlib.import_module(f"qinit_cli.kernels.{name}") for name in ("cart_pole", "acrobot")
+    )
+    (_, *track), _, (_, *angles), _ = CartPole().box()
+    assert (track, angles) == ([-carts.TRACK, carts.TRACK], [-carts.UPRIGHT, carts.UPRIGHT])
+    assert (CartPole.start_spread, Acrobot.start_spread) == (carts.SPREAD, acrobots.SPREAD)
 
 
 def test_the_mountain_cars_box_is_gymnasiums() -> None:
