@@ -115,7 +115,7 @@ static void add_up(const double *w, const int *active, int tilings, double *valu
 long tiled_car(uint64_t *s, double *w, int tilings, int tiles, double eta, int anywhere,
                double alpha, double gamma, double epsilon, long episodes, long horizon) {
     long steps = 0;
-    int here[64], there[64];
+    int here[64], there[64]; /* the most tilings that there may be */
     double values[3];
     for (long episode = 0; episode < episodes; episode++) {
         double position = -0.5, velocity = 0;

@@ -207,9 +207,9 @@ class TiledFamily:
         return self.start_value(q)
 
     def path_lengths(self, tasks: Tasks, weights: Floats, horizon: int) -> NDArray[np.int32]:
-        """Steps of the greedy path from each probe by each action first, (B, P, A); -1 where it does not arrive.
+        """Steps of the greedy path from each probe by each action first, without noise, (B, P, A); -1 where it does not arrive.
 
-        Without noise. -1 throughout where no state can be chosen.
+        -1 throughout, for unknown, where steps are Python's.
         """
         import numpy as np
 
