@@ -92,9 +92,7 @@ class Start:
     potential: Floats | None = None  # (S,) or (B, S); None: no shaping
     policies: Policies | None = None  # None, or none of them: plain learning
     hypotheses: Hypotheses | None = None  # None, or none of them: the start table stays what it is
-    known_at: int | None = (
-        None  # updates after which a value is learned alone; None: the table is learned from
-    )
+    known_at: int | None = None  # updates until a blended value is the learned one; None: there is no blend
 
 
 @dataclass(frozen=True)

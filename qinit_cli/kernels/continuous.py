@@ -43,9 +43,8 @@ class ContinuousWorlds:
     rng: Words  # (B, 4) randomness of a task's steps
 
     lanes: ClassVar[int] = 4
-    alone: ClassVar[int] = (
-        4  # side by side a step takes as long, with noise longer; 20 % less for the cart-pole
-    )
+    # side by side a step takes as long, with noise longer; 20 % less for the cart-pole
+    alone: ClassVar[int] = 4
 
     @property
     def states(self) -> int:
@@ -112,7 +111,10 @@ def guide(world, task, lane):
 
 @unkept_inlined
 def put_anywhere(world, task, lane, rng):
-    """Puts the lane uniformly into the box from `world.low` to `world.high`, f8 (D,) each, where no episode ends."""
+    """Puts the lane uniformly into the box from `world.low` to `world.high`, f8 (D,) each, where no episode ends.
+
+    The box must hold such states, else this never ends.
+    """
     ended = True
     while ended:
         for dimension in range(world.observed.shape[1]):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from qinit_cli.kernels.compiled import kept_with, unkept_inlined
-from qinit_cli.kernels.continuous import bin_of, end_at, guide
+from qinit_cli.kernels.continuous import bin_of, end_at, guide, put_state
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import unit
 from qinit_cli.kernels.worlds import GOAL, start_of, step_of
@@ -100,8 +100,7 @@ def _compiled(function: Any, world: Any) -> Function:
 def _put(world, task, rng, state):
     """Begins an episode in that state."""
     start_of(world, task, 0, rng, False)
-    for dimension in range(len(state)):
-        world.observed[0, dimension] = state[dimension]
+    put_state(world, 0, state)
 
 
 @unkept_inlined

@@ -366,7 +366,7 @@ def empty(memory, tasks, task, visits, td_var):
 
 @part
 def read(memory, state, gamma):
-    """Brings a state's row up to date with the weights whose sums its values are; a table has none."""
+    """Sums a state's weights into its row; the rows of a table are their own."""
 
 
 @inner

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Tabular learning, compiled: one loop for every world, learner and exploration, many tasks a call, a few side by side.
+"""Learning, compiled: one loop for every world, learner and exploration, many tasks a call, a few side by side.
 
 The loop is compiled for their classes, with their parts inlined, and kept with the code of their packages. What a task
 learns depends on its own streams alone, not on its batch.

@@ -30,7 +30,7 @@ class Policies:
 
     actions: Integers  # (K, S)
     weights: Floats | None = (
-        None  # (K, T, A) of tiles, in whose values they are greedy, in the place of a table's states
+        None  # (K, T, A) of tiles, in whose sums they are greedy; `actions` then says how many
     )
     c: float = 0.1
     psi0: float = 1.0

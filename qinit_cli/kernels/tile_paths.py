@@ -12,6 +12,7 @@ from qinit_cli.kernels.compiled import kept_with, unkept
 from qinit_cli.kernels.continuous import coordinate, end_at, put_state
 from qinit_cli.kernels.parts import Function
 from qinit_cli.kernels.random_streams import THIRTY_TWO, draw
+from qinit_cli.kernels.tiles import note_tiles
 from qinit_cli.kernels.worlds import GOAL, start_of, step_of
 
 if TYPE_CHECKING:
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
     from qinit_cli.kernels.tiles import TiledWorld, TiledWorlds
 
 LANE = 0  # a path is followed alone
+NEVER = -1  # a path that does not arrive
 
 
 def path_lengths(
     worlds: TiledWorlds, rng: Words, weights: Floats, states: Floats, horizon: int
 ) -> NDArray[np.int32]:
-    """Steps to the goal from each state (P, D) by each action first, (B, P, A); -1 where the greedy path does not arrive.
+    """Steps to the goal from each state (P, D) by each action first, (B, P, A); NEVER where the greedy path does not arrive.
 
     `weights` (B, T, A) are the tasks', `rng` (B, 4) what steps draw from. Paths are without noise; 0 in a state of the goal.
     """
@@ -42,7 +44,7 @@ def greedy_paths(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """The states (B, H + 1, D) of a greedy path of each task from where targets start, or anywhere, and its steps, (B,).
 
-    Steps are -1 where the path does not arrive; its states from its end on are NaN.
+    Steps are NEVER where the path does not arrive; its states from its end on are NaN.
     """
     world = _alone(worlds, horizon, noisy=noisy)
     states = np.full((len(weights), horizon + 1, len(world.low)), np.nan)
@@ -76,14 +78,13 @@ def _lengths(world, rng, weights, states, horizon, lengths):
                 put_state(world.inner, LANE, states[state])
                 code = np.int64(end_at(world.inner, task, LANE))
                 if code != 0:
-                    lengths[task, state, first] = 0 if code == GOAL else -1
+                    lengths[task, state, first] = 0 if code == GOAL else NEVER
                     continue
-                action, steps = first, 0
+                code, steps = _step(world, task, first, rng), 1
                 while code >= 0 and steps < horizon:
-                    code = _step(world, task, action, rng)
+                    code = _step(world, task, _greedy(world, weights[task]), rng)
                     steps += 1
-                    action = _greedy(world, weights[task])
-                lengths[task, state, first] = steps if code == GOAL else -1
+                lengths[task, state, first] = steps if code == GOAL else NEVER
 
 
 def _paths(world, rng, weights, horizon, anywhere, states, path_steps):
@@ -95,7 +96,7 @@ def _paths(world, rng, weights, horizon, anywhere, states, path_steps):
             code = _step(world, task, _greedy(world, weights[task]), rng)
             steps += 1
             _note(world, states[task, steps])
-        path_steps[task] = steps if code == GOAL else -1
+        path_steps[task] = steps if code == GOAL else NEVER
 
 
 @unkept
@@ -113,18 +114,12 @@ def _note(world, state):
 @unkept
 def _greedy(world, weights):
     """The first of the actions whose weights, those of the active tiles, sum up to most."""
+    note_tiles(world, LANE, 0)
     best, taken = -np.inf, 0
     for action in range(weights.shape[1]):
         summed = 0.0
-        for tiling in range(world.offsets.shape[1]):
-            tile = np.int64(world.first[tiling])
-            for dimension in range(len(world.low)):
-                inside = (coordinate(world.inner, LANE, dimension) - world.low[dimension]) * world.scale[
-                    dimension
-                ]
-                inside = min(max(inside, 0.0), world.top)
-                tile += np.int64(inside + world.offsets[dimension, tiling]) * world.strides[dimension]
-            summed += weights[tile // world.width, action]
+        for entry in world.active[LANE, 0]:
+            summed += weights[entry // world.width, action]
         if summed > best:
             best, taken = summed, action
     return taken

@@ -47,6 +47,7 @@ from qinit_cli.kernels.worlds import (
     beside,
     move,
     moves_at_once,
+    place_of,
     prepare,
     start_of,
     starts,
@@ -202,7 +203,7 @@ def tile_memory(world: TiledWorld, tiles: int, actions: int, shaped: bool) -> Ti
 @starts(TiledWorld, around=True)
 def _start(world, task, lane, rng, anywhere):
     start_of(world.inner, task, lane, rng, anywhere)
-    _note_tiles(world, lane, 0)
+    note_tiles(world, lane, 0)
     return 0
 
 
@@ -210,14 +211,14 @@ def _start(world, task, lane, rng, anywhere):
 def _step(world, task, lane, state, action, uniform, rng):
     code = step_of(world.inner, task, lane, 0, action, uniform, rng)
     slot = 1 - state
-    _note_tiles(world, lane, slot)
+    note_tiles(world, lane, slot)
     if code >= 0:
         return slot
     return CUT - slot if code < LOST else code
 
 
 @unkept_inlined
-def _note_tiles(world, lane, slot):
+def note_tiles(world, lane, slot):
     """Writes the active tiles of the lane's state into the slot."""
     active = world.active[lane, slot]
     world.slot[lane] = slot
@@ -225,7 +226,8 @@ def _note_tiles(world, lane, slot):
         active[tiling] = world.first[tiling]
     for dimension in range(len(world.low)):
         inside = (coordinate(world.inner, lane, dimension) - world.low[dimension]) * world.scale[dimension]
-        inside = min(max(inside, 0.0), world.top)
+        # NaN counts as low: compiled code has no bounds that would stop an index that is none
+        inside = min(inside, world.top) if inside > 0.0 else 0.0
         offsets, stride = world.offsets[dimension], world.strides[dimension]
         for tiling in range(len(active)):
             active[tiling] += np.int32(inside + offsets[tiling]) * stride
@@ -250,12 +252,26 @@ def _moves_at_once(world):
 def _move(world, first, step, action, states, after):
     ended = move(world.inner, first, step, action, MANY, after)
     for place in range(len(after)):
-        lane = first + place
-        slot = 1 - world.slot[lane]
-        _note_tiles(world, lane, slot)
-        there = np.int64(after[place])
-        after[place] = np.uint32(slot if there < MANY else states + (there - MANY))
+        after[place] = _tiled_place(world, first + place, np.int64(after[place]), states)
     return ended
+
+
+# the inner world's own: a world that draws for a block beforehand steps by that whether lanes move at once or alone
+@body(place_of, TiledWorld)
+def _place_of(world, task, lane, step, state, choice, action, drawn, rng, states):
+    there = place_of(world.inner, task, lane, step, np.uint32(0), choice, action, drawn, rng, MANY)
+    return np.uint32(_tiled_place(world, lane, np.int64(there), states))
+
+
+@unkept_inlined
+def _tiled_place(world, lane, there, states):
+    """The place of the tiled world, its tiles noted in the lane's other slot, given that of the inner one."""
+    slot = 1 - world.slot[lane]
+    note_tiles(world, lane, slot)
+    if there < MANY:
+        return slot
+    end = there - MANY
+    return states + end if end < 2 else states + 2 + slot  # 2 and more: cut off
 
 
 @body(own, TileMemory)

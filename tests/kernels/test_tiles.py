@@ -147,6 +147,29 @@ def test_a_task_learns_the_same_whatever_learns_beside_it() -> None:
     np.testing.assert_array_equal(together.q[7], apart.q[0])
 
 
+def test_pushes_that_are_drawn_every_step_are_the_same_whatever_learns_beside_the_task() -> None:
+    """Eight move at once, and one alone: both by the pushes that are drawn for a block."""
+    given, dice = probability(8), rng.seeds(streams(5, 8))
+    learned = []
+    for which in (list(range(8)), [5]):
+        cars = MountainCars(ETA[which], rng=dice[which], noise=0.01)
+        worlds = TiledWorlds(cars, coding(4, 4))
+        start = Start(np.zeros((worlds.states, 3)))
+        own = reference.part(given, which)
+        learned.append(learn(worlds, EXPLORING, start, own, Records(3), Watch()))
+    np.testing.assert_array_equal(learned[0].q[5], learned[1].q[0])
+    assert learned[1].q.any()
+
+
+def test_a_state_that_is_no_number_has_tiles() -> None:
+    """Nothing in compiled code would hold an index that is none."""
+    worlds = TiledWorlds(MountainCars(ETA[:1]), coding(4, 4))
+    states = np.array([[np.nan, np.nan], [np.nan, 0.05]])
+    weights = np.ones((1, worlds.states, 3))
+    lengths = path_lengths(worlds, rng.seeds(streams(2, 1)), weights, states, 5)
+    assert (lengths == -1).all()
+
+
 def test_paths_from_probes_are_those_of_the_car() -> None:
     """A policy that pushes right where the car rolls right, and else left, by weights of one tiling of two tiles."""
     two = coding(1, 2)
