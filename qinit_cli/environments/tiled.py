@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from qinit_cli.arrays import Flags, Floats, Tasks
+    from qinit_cli.arrays import Flags, Floats, Integers, Tasks
     from qinit_cli.kernels.tiles import TiledWorlds
     from qinit_cli.learning import Learning
     from qinit_cli.projection import Projection
@@ -249,7 +249,8 @@ class TiledFamily:
 
         again = np.repeat(np.arange(len(tasks)), paths - 1)
         first, _ = greedy_paths(*self._alone(tasks), weights, horizon, anywhere=False)
-        others, _ = greedy_paths(*self._alone(tasks[again]), weights[again], horizon, anywhere=True)
+        worlds, rng = self._alone(tasks[again], np.arange(1, len(again) + 1))  # each begins elsewhere
+        others, _ = greedy_paths(worlds, rng, weights[again], horizon, anywhere=True)
         states = np.concatenate([each.reshape(-1, each.shape[-1]) for each in (first, others)])
         on_the_way: Floats = states[np.isfinite(states).all(axis=1)]  # NaN once a path is over
         return on_the_way
@@ -270,13 +271,13 @@ class TiledFamily:
         """The first of the actions whose weights, those of the active tiles, sum up to most."""
         return int(weights[self.coding.active(state[None])[0]].sum(axis=0).argmax())
 
-    def _alone(self, tasks: Tasks, seed: int = 0) -> tuple[TiledWorlds, Any]:
-        """The worlds of some tasks and the draws of paths in them: the same for every task, whatever it learned from."""
+    def _alone(self, tasks: Tasks, numbers: Integers | int = 0) -> tuple[TiledWorlds, Any]:
+        """The worlds of some tasks and the draws of a path in each, by its seed, whatever the task learned from."""
         import numpy as np
 
         from qinit_cli.kernels.random_streams import seeds
 
-        streams = [np.random.SeedSequence(seed) for _ in range(len(tasks))]
+        streams = [np.random.SeedSequence(seed) for seed in np.broadcast_to(numbers, len(tasks)).tolist()]
         return self.worlds(tasks, streams), seeds(streams)
 
     def solve(self, tasks: Tasks, gamma: float) -> tuple[Floats, Floats]:

@@ -11,6 +11,7 @@ import reference
 import tile_reference
 
 from qinit_cli.environments.puddle_world import PuddleWorld
+from qinit_cli.environments.tiled import TiledFamily, Tiles
 from qinit_cli.kernels import random_streams as rng
 from qinit_cli.kernels.batch import LaneStreams, Learned, Policies, Records, Start, learn
 from qinit_cli.kernels.mountain_car import MountainCars
@@ -207,3 +208,13 @@ def test_noise_of_a_world_moves_no_path_from_a_probe() -> None:
     states = np.random.default_rng(2).random((20, 2))
     one, other = (path_lengths(worlds, rng.seeds(streams(k, 1)), weights, states, 50) for k in (1, 2))
     np.testing.assert_array_equal(one, other)
+
+
+def test_no_two_paths_that_begin_anywhere_begin_at_the_same_state() -> None:
+    """Two tasks of four paths of a step: one each from where targets start, six from anywhere."""
+    family = PuddleWorld(noise=0)
+    tasks = np.array([(0.9, 0.9), (0.9, 0.7)], [(one.name, one.dtype) for one in family.parameters()])
+    tiled = TiledFamily(family, Tiles(2, 4))
+    states = tiled.visited(tasks, np.zeros((2, tiled.coding.weights, 4)), 1, 4)
+    assert len(states) == 2 * 4 * 2
+    assert len(np.unique(states, axis=0)) == 2 + 6 * 2
