@@ -177,6 +177,8 @@ def learn(
     advance, world = worlds.loop(learning, lanes)
     if isinstance(world, TiledWorld):
         shaped = start.potential is not None
+        if records.visits or records.td_var:
+            raise ValueError("visits and TD errors are of the entries of a table, which tiles have not")
         memory: Any = tile_memory(world, worlds.states, worlds.actions, shaped)
     else:
         memory = new_memory(lanes, worlds.states, worlds.actions)

@@ -16,6 +16,7 @@ from qinit_cli.artefacts.settings import SourcesSettings, TuningSettings
 from qinit_cli.artefacts.sources import blocks_in_shares
 from qinit_cli.artefacts.tuning import tuning_schema
 from qinit_cli.environments.family import bounds_of
+from qinit_cli.environments.tiled import WEIGHTS
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FitOptions, FittedTables, in_returns
 from qinit_cli.methods import Method
@@ -24,7 +25,7 @@ from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.fitting import selection_of
 from qinit_cli.pipeline.job import Plan
 from qinit_cli.pipeline.sources import by_learner, check_learned, in_names
-from qinit_cli.pipeline.transfer import check_together, learn_targets, learning_bytes
+from qinit_cli.pipeline.transfer import check_counted, check_together, learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
 from qinit_cli.tasks import VALIDATION, TargetTasks
 from qinit_store.held import Held
@@ -98,6 +99,7 @@ def cross_validation_of(
     learning = validating.learning(family, settings.learning)
     check_learned(family, learning)
     check_together(tried[0], learning.learner)
+    check_counted(tried[0], family)
     selection = selection_of(source, family, fitting)
     if int(selection.kept.sum()) < 2 * FOLDS:
         raise NotAllowed(
@@ -106,11 +108,12 @@ def cross_validation_of(
         )
     fold = folds(selection.kept)
     states, bounds = int(np.prod(family.shape)), bounds_of(family, settings.learning.gamma)
+    of_tiles = () if family.counted else (WEIGHTS,)
     fits = []
     for number in range(FOLDS):
         others = replace(selection, kept=selection.kept & (fold != number))
-        blocks = blocks_in_shares(source, ("q", "td_var", "eopl"), stage.BLOCK)
-        arrays = in_returns(stage.fit(blocks, others, fitting), bounds)
+        blocks = blocks_in_shares(source, ("q", "td_var", "eopl", *of_tiles), stage.BLOCK)
+        arrays = in_returns(stage.fit(blocks, others, fitting, estimates=not family.counted), bounds)
         fits.append(FittedTables.from_arrays(arrays, states, fitting.estimator, bounds))
     targets = TargetTasks(family, learning, settings.seed, False, streams=VALIDATION)
     return CrossValidation(targets, tried, fits, fold)

@@ -169,7 +169,14 @@ def check_updates(method: Method) -> None:
 
 
 def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: int, known: Knowledge) -> Plan:
-    """The run of so many targets, each started from what is known by then; UsageError where a blend has not given way by then."""
+    """The run of so many targets, each started from what is known by then; UsageError where a blend has not given way by then.
+
+    NotAllowed where visits of entries are not counted.
+    """
+    if not targets.family.counted:
+        raise NotAllowed(
+            "--update adds the entries of a table that a task visited, and values by tiles have none; leave --update out"
+        )
     if targets.known_at is not None and targets.known_at > living.visits:
         raise UsageError(
             f"--update adds entries after {living.visits} visits, and with --known-at {targets.known_at} a part of their start "

@@ -57,11 +57,7 @@ def targets_of(
     family = learning.family(sources.family.installed())
     settings = learning.learning(family, sources.learning)
     check_together(method, settings.learner, blends=learning.blends)
-    if method.weighs and sources.family.tiled:
-        raise NotAllowed(
-            f"{method.name} corrects for the (1 - alpha)^n of the start that n updates leave in an entry of a table, which "
-            "weights that many states share do not obey; choose another method, or learn tables"
-        )
+    check_counted(method, family)
     check_learned(family, settings)
     targets = TargetTasks(
         family,
@@ -103,6 +99,15 @@ def check_together(method: Method, learner: Learner, *, blends: bool = False) ->
     if method.shapes and not learner.shapes:
         raise UsageError(
             f"{method.name} shapes rewards, from which --learner {learner.name} does not learn; {_those('shapes')} do"
+        )
+
+
+def check_counted(method: Method, family: Family) -> None:
+    """NotAllowed where the method needs what is counted by state-action, and the family does not count."""
+    if method.weighs and not family.counted:
+        raise NotAllowed(
+            f"{method.name} corrects for the (1 - alpha)^n of the start that n updates leave in an entry of a table, which "
+            "weights that many states share do not obey; choose another method, or learn tables"
         )
 
 

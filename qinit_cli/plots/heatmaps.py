@@ -161,7 +161,7 @@ def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Ite
     """The probabilities of the goal, where it differs from task to task."""
     from qinit_cli.plots.style import CHANCE_COLOURS
 
-    closed = _closed(found, names)
+    closed = _closed(found, names, shape)
     probabilities = {
         name: panels.shown.of_states(chances).reshape(shape)
         for name, panels in zip(names, found, strict=True)
@@ -176,10 +176,13 @@ def _goals(found: list[Panels], names: list[str], shape: tuple[int, int]) -> Ite
         yield Layer(label, changing, logarithmic=True, colours=CHANCE_COLOURS, closed=closed)
 
 
-def _closed(found: list[Panels], names: list[str]) -> dict[str, dict[str, Flags]]:
+def _closed(found: list[Panels], names: list[str], shape: tuple[int, int]) -> dict[str, dict[str, Flags]]:
     """The closed states of each column."""
     return {
-        name: {kind: panels.shown.of_states(there) for kind, there in closed_states(panels.family).items()}
+        name: {
+            kind: panels.shown.of_states(there).reshape(shape)
+            for kind, there in closed_states(panels.family).items()
+        }
         for name, panels in zip(names, found, strict=True)
     }
 
@@ -188,7 +191,7 @@ def _layer(
     found: list[Panels], names: list[str], shape: tuple[int, int], quantity: str, *, logarithmic: bool
 ) -> Layer:
     """What was asked for."""
-    closed = _closed(found, names)
+    closed = _closed(found, names, shape)
     tables = {
         (row, name): without_closed(table.reshape(shape), closed[name])
         for name, panels in zip(names, found, strict=True)

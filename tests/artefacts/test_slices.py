@@ -154,3 +154,15 @@ def test_a_table_of_three_axes_needs_one_fixed() -> None:
         slice_of_axes("house", axes, ["floor=tpo"])
     with pytest.raises(UsageError, match=r"--slice x=3.2: x is from 0.5 to 2.5"):
         slice_of_axes("house", axes, ["x=3.2"])
+
+
+def test_a_row_of_a_map_is_drawn_with_its_walls(here: Any) -> None:
+    from qinit_cli.plots import PLOTS
+
+    heatmaps: Any = PLOTS["heatmaps"]
+    words = ("--map", "S..#/.#.G/...G", "--learner", "exact", "--tasks", 4)
+    fit = here("fit", here("train-sources", "gridworld", *words, "-q").path, "-q").path
+    drawn = heatmaps(slice_=["row=1"], method=["mean"], bare=True).drawn([fit])
+    values, walls = (np.ma.getmaskarray(image.get_array()) for image in drawn.figure.axes[0].images)
+    assert values.tolist() == [[False, True, False, False]]
+    assert walls.tolist() == [[True, False, True, True]]  # drawn in its second cell alone

@@ -124,7 +124,13 @@ def test_every_table_reads_alike_from_csv_and_from_parquet(
     parquet = pytest.importorskip("pyarrow.parquet")
     path = of[kind]
     text = here("export", path, "--to", "csv", "--what", table)
-    if table in ("evaluations", "final"):  # which this run has not
+    if table in (
+        "evaluations",
+        "final",
+        "weights",
+        "probes",
+        "start-weights",
+    ):  # which these artefacts have not
         assert text.code == 4
         return
     there = parquet.read_table(
