@@ -84,7 +84,7 @@ class Episodes:
 class OneAtATime:
     """The episodes of the task that is learned: those of the task before it are closed. Entered while tasks are learned."""
 
-    # of a task's place in the batch, the horizon, and the state that they write, if any
+    # of a task's place in the batch and the horizon, and of the continuous state that they write, if there is one
     of: Callable[..., Episodes]
     _now: Episodes | None = None
 

@@ -23,7 +23,7 @@ BINS = option(
 )
 RANGE = option(
     None,
-    "What the bins of a dimension cover; needed where the environment has no bounds; may be given several times.",
+    "What the bins or tiles of a dimension cover; needed where the environment has no bounds; may be given several times.",
     metavar="DIM=LOW:HIGH",
     default_text="the environment's bounds",
     panel=PANEL,

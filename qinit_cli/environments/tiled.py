@@ -52,12 +52,12 @@ class TiledFamily:
     """A family of continuous states, learned by tiles; whatever is not told here is the family's own.
 
     A table of it is over P probes. `at` are their states (P, D), the first where targets start; they belong to the sources
-    (pipeline.probes) and travel in artefacts. UsageError for a family without continuous states; `coding` and `refusal` raise
-    NotAllowed for too many tiles, not the family that is read, whose box may be that of an environment.
+    (pipeline.probes) and travel in artefacts. UsageError for a family without continuous states. `coding` raises NotAllowed
+    for too many tiles; it may ask an environment for its box, which constructing the family does not.
     """
 
-    # a Family with `box`, `target_state` and `continuous` worlds; with `greedy_episodes` where steps are Python's, in which no
-    # state can be chosen
+    # a Family with `box`, `target_state` and `continuous` worlds; also with `greedy_episodes` if its steps are Python's, where
+    # no state can be chosen
     family: Any
     cut: Tiles
     at: Floats | None = field(default=None, compare=False, repr=False)

@@ -88,6 +88,21 @@ def test_what_is_kept_needs_no_environment_to_be_fitted_and_compared(
     assert "tiles-2x3, 2 targets of seed 0, 10 episodes" in compared.out
 
 
+def test_values_beyond_the_bounds_of_native_rewards_are_an_approximation(here: Callable[..., Any]) -> None:
+    paid = ("--reward", "native", "--returns", "0:40", "--vary", "gravity=uniform:8,11", "--tasks", 3)
+    made = here(*POLE, *RANGES, *TILES, *SMALL, *paid, "--episodes", 60, "-o", "paid.h5")
+    assert made.code == 0, made.err
+    with open_artefact(Path("paid.h5")) as sources:
+        assert sources.read("q").min() < 0  # no return of a pole is
+    assert here("fit", "paid.h5", "-o", "fit.h5").code == 0
+    run = here("transfer", "logqinit-median", "fit.h5", "--tasks", 2, "--episodes", 10, "-o", "run.h5")
+    assert run.code == 0, run.err
+    with open_artefact(Path("run.h5")) as learned:
+        # a step pays 1: an episode of n steps returns (1 - gamma^n) / (1 - gamma)
+        expected = (1 - 0.99 ** learned.read("steps")) / (1 - 0.99)
+        np.testing.assert_allclose(learned.read("return"), expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
