@@ -96,9 +96,7 @@ class FittedTables:
     library_q: Floats  # (K, S, A)
     library_td_var: Floats  # (K, S, A)
     estimator: str
-    library_weights: Floats | None = (
-        None  # (K, T, A) of the tiles whose sums library_q are; None: they are tables
-    )
+    library_weights: Floats | None = None  # (K, T, A), of tiles, whose sums library_q are; None: tables
     bounds: ReturnBounds = UNIT  # of the sources' returns
 
     TABLES: ClassVar[tuple[str, ...]] = (

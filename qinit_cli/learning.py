@@ -12,6 +12,7 @@ from qinit_cli.options import is_of
 from qinit_cli.schedules import ByVisits, Schedule
 
 CURVE_BINS = 100  # of a source's learning curve: enough to see it settle
+KNOWNNESS = "knownness"  # the one blend that there is
 KNOWN_AT = 10  # updates after which a blended value is the learned one; measured, see docs/continuous.md
 MOST_STEPS = 2**63  # of a task, which are counted in 64 bits
 Start = Literal["anywhere", "fixed"]

@@ -304,8 +304,9 @@ def train_sources(
 
     Tasks are drawn by `seed`, each with streams of its own, so that more tasks leave the first ones as they are. `store` is a
     folder, `output` a file of its own; without both the sources are held in memory. Learners, explorations and schedules are
-    given as texts, as on the command line, or as instances: `learners.sarsa_lambda(lambda_=0.8)`. UsageError for settings that
-    cannot be.
+    given as texts, as on the command line, or as instances: `learners.sarsa_lambda(lambda_=0.8)`. With `representation="tiles"`
+    values are sums of weights over `tilings` grids of `tiles` tiles a dimension, and `q` is (N, P, A) at P `probes`
+    (docs/continuous.md). UsageError for settings that cannot be.
 
     >>> import qinit_cli as qinit
     >>> sources = qinit.train_sources(qinit.families.gridworld(size=4, variance=1), tasks=3, learner="exact")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qinit_cli.environments.family import Family, Role, draw_tasks
-from qinit_cli.learning import KNOWN_AT, Learning, curve_bins
+from qinit_cli.learning import KNOWN_AT, KNOWNNESS, Learning, curve_bins
 from qinit_cli.methods.method import Method
 from qinit_cli.methods.targets import Targets
 from qinit_cli.seeding import Stream
@@ -124,10 +124,10 @@ class TargetTasks:
 
     def label_of(self, method: Method) -> str:
         """What the method is called on these targets: with the blend, if there is one."""
-        blend = [] if self.known_at is None else ["blend=knownness"]
-        if self.known_at not in (None, KNOWN_AT):
-            blend.append(f"known-at={self.known_at}")
-        return " ".join([method.label, *blend])
+        if self.known_at is None:
+            return method.label
+        blended = f"{method.label} blend={KNOWNNESS}"
+        return blended if self.known_at == KNOWN_AT else f"{blended} known-at={self.known_at}"
 
     @property
     def moments(self) -> Integers:

@@ -51,7 +51,7 @@ DISTANT = {"drs"}  # methods that need a distance to the goal
 
 
 SIMULATED = "gym, simulated"
-# they learn as puddle-world does, in all but their step; the loop is compiled for each of them half a minute long
+# they learn as puddle-world does, in all but their step; compiling the loop takes half a minute for each
 ALIKE = ("continuous-gridworld", "cart-pole", "acrobot")
 CASES = (*(name for name in FAMILIES if name not in ALIKE), SIMULATED)
 

@@ -29,10 +29,8 @@ SETTINGS = {
     "target_update_interval": 1000,
     "exploration_final_eps": 0.05,
 }
-EXPLORING = {
-    "exploration_initial_eps": 1.0,
-    "exploration_fraction": 0.3,
-}  # from scratch: without it no goal is met
+# from scratch: without exploring no goal is met
+EXPLORING = {"exploration_initial_eps": 1.0, "exploration_fraction": 0.3}
 FOLLOWING = {"exploration_initial_eps": 0.05}  # with a start: else random steps would hide it
 
 
@@ -94,9 +92,8 @@ def regress(network, prior, seed, steps=2000, batch=512):
         loss.backward()
         optimiser.step()
         slower.step()
-    with (
-        torch.no_grad()
-    ):  # differences between actions are small beside the values: only the last layer has their scale
+    # differences between actions are small beside the values: only the last layer has their scale
+    with torch.no_grad():
         last = network.q_net[-1]
         last.weight *= prior.scale
         last.bias.mul_(prior.scale).add_(prior.centre)

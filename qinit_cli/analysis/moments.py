@@ -97,7 +97,7 @@ def block_moments(q: Floats, eopl: NDArray[np.integer], *, estimates: bool = Fal
     """Moments of one block of tasks: `q` and `eopl` are (N, STATE, A).
 
     Entries with Q <= 0 are masked, never floored: one floored 1e-10 among 100 inflates exp(mu + sigma^2/2)
-    sixfold. In a table they are unknown, `estimates` are values of their own, which have no logarithm.
+    sixfold. In a table they are unknown and count nowhere; `estimates` (sums of weights) count in `q`, and have no logarithm.
     An EOPL of -1 (never arrives) is no length; 0 (the state is the goal) is one, by definition 1.
     """
     positive = q > 0

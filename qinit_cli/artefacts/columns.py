@@ -49,7 +49,7 @@ RETURNS = {
     "eval_return",
     "average",
 }
-LEARNED = {"q", "mean", "min", "max", "value_mean", "library_q"}  # of them those that learning leaves
+LEARNED = {"q", "mean", "min", "max", "value_mean", "library_q"}  # by tiles these may leave the bounds
 SPREADS = {"std": 1, "td_var": 2, "library_td_var": 2}
 
 

@@ -22,7 +22,7 @@ from qinit_cli.errors import NotAllowed, QinitError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.learners import LEARNERS, Learner, QLearner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
-from qinit_cli.learning import EXACT, IMPORTED, IMPORTED_CURVES, Learning
+from qinit_cli.learning import EXACT, IMPORTED, IMPORTED_CURVES, KNOWNNESS, Learning
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.methods.plus import Plus, initialisations
 from qinit_cli.methods.zero import Zero
@@ -43,7 +43,6 @@ ALGORITHM = 1
 CONTENT = re.compile("[0-9a-f]{64}")  # the hash of an artefact
 LEAST_FITTED = 2  # sources of a fit: a standard deviation takes two
 ROLES = ("source", "target")
-KNOWNNESS = "knownness"  # the one blend that there is
 # stand-ins for settings that there are none of, where tables were solved for, or learned elsewhere
 WITHOUT_STEPS: dict[str, Any] = {
     "alpha": 0.1,
@@ -120,7 +119,7 @@ class StoredFamily:
         return {"name": self.name, **self.options}
 
     def distribution(self) -> dict[str, Any]:
-        """As the store keeps it, but for what names the targets, and which of the folds of a file is left out."""
+        """As the store keeps it, without the options that name targets; of a fold it says how many there are, not which."""
         here = self._untiled
         fields = () if here is None else dataclasses.fields(here)  # type: ignore[arg-type]  # a dataclass
         named = {field.name for field in fields if not field.compare}
@@ -699,7 +698,7 @@ def _learners(settings: Settings) -> set[str]:
 
 
 def without_range(spec: Spec) -> dict[str, Any]:
-    """The settings of sources but for how many there are and which tasks of a file they are."""
+    """The settings of sources, without their number and the tasks of a file that they are."""
     kept = {name: value for name, value in spec.items() if name != "tasks"}
     if isinstance(family := spec.get("family"), Mapping):
         kept["family"] = {name: value for name, value in family.items() if name != "use"}

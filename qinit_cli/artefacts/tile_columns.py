@@ -35,16 +35,16 @@ def probe_columns(family: Family) -> Layout:
     return (Axis("dimension", names, "", "dimension of a state"),), (_PROBES,)
 
 
-def weight_columns(family: Family, *, per_task: bool) -> Layout:
-    """The axis of the tiles and the column of the weights that each task learned, or nothing."""
-    if not (isinstance(family, TiledFamily) and per_task):
+def weight_columns(family: Family, *, kept: bool) -> Layout:
+    """The axis of the tiles and the column of the weights that each task learned, if they are kept; nothing for tables."""
+    if not (isinstance(family, TiledFamily) and kept):
         return (), ()
     weights = Column(WEIGHTS, (TASK, "tile", "action"), "f8", long_name="learned weights of the tiles")
     return (index("tile", family.coding.weights),), (weights,)
 
 
 def fit_columns(family: Family, axes: Mapping[str, Axis]) -> Layout:
-    """Two `axes` of the sources, dimensions and tiles, and the columns of the probes and of the library's weights, or nothing."""
+    """The columns of the probes and of the library's weights, over `axes` of the sources by name; nothing for tables."""
     if not isinstance(family, TiledFamily):
         return (), ()
     weights = Column("library_weights", ("library", "tile", "action"), "f8", long_name="weights of a source")
@@ -52,7 +52,10 @@ def fit_columns(family: Family, axes: Mapping[str, Axis]) -> Layout:
 
 
 def start_columns(family: Family, *, per_task: bool) -> Layout:
-    """The axis of the tiles, the weights that stand for a start, and their values at the probes; nothing where starts differ."""
+    """The axis of the tiles and the columns of the weights that stand for a start, and of their values at the probes.
+
+    Nothing for tables, and where starts are `per_task`.
+    """
     if not isinstance(family, TiledFamily) or per_task:
         return (), ()
     return (index("tile", family.coding.weights),), (

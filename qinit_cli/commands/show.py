@@ -156,7 +156,9 @@ class TerminalMap:
 
 
 def _map(artefact: Artefact, shown: Shown, settings: Settings, slices: list[str]) -> TerminalMap | None:
-    """The map of an artefact over its states; None where it has none, or its table has too many axes and no slice is asked for.
+    """The map of an artefact over its states; None where it has none.
+
+    Without slices that is so of a table of one axis or of more than two, too, and of tiles of a family that is not installed.
 
     UsageError for slices of what is no map.
     """
@@ -172,7 +174,7 @@ def _map(artefact: Artefact, shown: Shown, settings: Settings, slices: list[str]
         return None
     family = settings.sources.family.here
     if settings.sources.family.tiled:
-        if family is None:
+        if family is None and not slices:
             return None
         sliced = slice_of(KINDS[artefact.kind].family(artefact), slices)
     else:
@@ -254,7 +256,7 @@ def _print_picture(shown: Shown, mapped: TerminalMap | None, terminal: Console) 
     elif shown.drawn == "curve":
         lines = curve(shown.picture, ("1", str(len(shown.picture))), shown.label, sheet)
     else:
-        return  # a map has two axes
+        return  # a table over one state axis, or over more than two, has no map
     terminal.print(f"\n{title}", style="bold")
     for line in lines:
         terminal.print(line, no_wrap=True, overflow="crop")

@@ -148,7 +148,7 @@ def _transfer(
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.pipeline.optimal_tables import initial_of
-    from qinit_cli.pipeline.transfer import learned, plan_of, projection, targets_of
+    from qinit_cli.pipeline.transfer import learned, plan_of, projection_numbers, targets_of
 
     known = Knowledge.read(path)
     method, choice = tuned.applied(method, output, known.family)
@@ -169,7 +169,7 @@ def _transfer(
     made = make(wanted, output.keeping, machine, Printed(display))
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
-    projected = projection(known.family, wanted.statics)
+    projected = projection_numbers(known.family, wanted.statics)
     made.tally.extra.update(
         filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable, **projected
     )
@@ -219,7 +219,7 @@ def _summary(label: str, initial: Initial, tally: Tally, unsolvable: int) -> str
 
 
 def _projected(told: dict[str, Any]) -> str:
-    """What became of a start on its way to the weights of tiles; nothing where it stays a table."""
+    """The error of a start that was projected onto tiles; nothing where it stays a table."""
     if "projection_rms" not in told:
         return ""
     rank = f", of which the probes determine {told['weights_rank']}" if "weights_rank" in told else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from qinit_cli.comparison.runs import ComparedRun
-from qinit_cli.comparison.source_sets import RunGroup
+from qinit_cli.comparison.source_sets import Entry, RunGroup
 from qinit_cli.errors import NotAllowed
 from qinit_cli.methods import METHODS
 
@@ -86,7 +86,8 @@ def attainable(group: RunGroup) -> Callable[[ComparedRun], Floats] | None:
     """The return that learning can hope for on each target of a run, (T,): what regret is counted from.
 
     The exact value of epsilon-greedy on Q* (v_eps; of Q* for greedy evaluations) where there are exact tables; else what the
-    run of a method that attains it, as `optimal` does, earns on the same targets in its last tenth; None without either.
+    run of a method that attains it, as `optimal` does without a blend, earns on the same targets in its last tenth; None without
+    either.
     """
     from qinit_cli.analysis import returns
 
@@ -94,16 +95,16 @@ def attainable(group: RunGroup) -> Callable[[ComparedRun], Floats] | None:
     known = {name: values for name, values in exact.items() if values is not None}
     if len(known) == len(exact):
         return lambda run: known[run.name]
-    best = next((entry for entry in group.entries if _attains(entry.method)), None)
+    best = next((entry for entry in group.entries if _attains(entry)), None)
     if best is None or not all(best.beside(run) for entry in group.entries for run in entry.runs):
         return None
     last = {own.name: returns.asymptotic(curve(own, "return")) for own in best.runs}
     return lambda run: last[(best.beside(run) or run).name]
 
 
-def _attains(method: str) -> bool:
-    kind = METHODS.get(method)
-    return kind is not None and kind.attains
+def _attains(entry: Entry) -> bool:
+    kind = METHODS.get(entry.method)
+    return kind is not None and kind.attains and not entry.blended  # a blend gives the start away
 
 
 def _arrival(earned: Floats, possible: Floats) -> Arrival:

@@ -54,7 +54,7 @@ MIN_VISITS = 50  # 0.9^50: half a hundredth of an entry is still its start, at t
 
 
 def _of_tiles(name: str) -> Any:
-    """An option of tiles, which is not given where values are tables."""
+    """An option of Tiles with no default: beside a table it must not be given."""
     [one] = [field for field in fields(Tiles) if field.name == name]
     told = one.metadata
     return option(
@@ -83,7 +83,6 @@ class LearningSources:
     start: Literal["anywhere", "fixed"] | None = option(
         None, "Where episodes start: anywhere, or where target tasks start.", seldom=True
     )
-
     representation: Literal["table", "tiles"] = option(
         "table",
         "Values by a table, or linear in tiles of the continuous state (docs/continuous.md).",
@@ -96,7 +95,7 @@ class LearningSources:
     def __post_init__(self) -> None:
         _read(self, "exact")
         check(self)
-        if self.representation == "table" and (given := self._of_tiles()):
+        if self.representation == "table" and (given := self._cutting()):
             raise ValueError(
                 f"{flag(min(given))} is of --representation tiles; give that too, or leave it out"
             )
@@ -113,9 +112,9 @@ class LearningSources:
     @property
     def cut(self) -> Tiles | None:
         """How values are tiled; None: they are tables."""
-        return Tiles(**self._of_tiles()) if self.representation == "tiles" else None
+        return Tiles(**self._cutting()) if self.representation == "tiles" else None
 
-    def _of_tiles(self) -> dict[str, int]:
+    def _cutting(self) -> dict[str, int]:
         """The options of tiles that are given."""
         values = {one.name: getattr(self, one.name) for one in fields(Tiles)}
         return {name: value for name, value in values.items() if value is not None}

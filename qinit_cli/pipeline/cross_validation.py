@@ -108,12 +108,12 @@ def cross_validation_of(
         )
     fold = folds(selection.kept)
     states, bounds = int(np.prod(family.shape)), bounds_of(family, settings.learning.gamma)
-    of_tiles = () if family.counted else (WEIGHTS,)
+    of_tiles = (WEIGHTS,) if settings.family.tiled else ()
     fits = []
     for number in range(FOLDS):
         others = replace(selection, kept=selection.kept & (fold != number))
         blocks = blocks_in_shares(source, ("q", "td_var", "eopl", *of_tiles), stage.BLOCK)
-        arrays = in_returns(stage.fit(blocks, others, fitting, estimates=not family.counted), bounds)
+        arrays = in_returns(stage.fit(blocks, others, fitting, estimates=settings.family.tiled), bounds)
         fits.append(FittedTables.from_arrays(arrays, states, fitting.estimator, bounds))
     targets = TargetTasks(family, learning, settings.seed, False, streams=VALIDATION)
     return CrossValidation(targets, tried, fits, fold)

@@ -51,8 +51,8 @@ def fit(
 ) -> dict[str, Any]:
     """The arrays of a fit, state axes as in the blocks; memory is that of a block and the library.
 
-    `blocks` partitions the source tasks in task order, BLOCK in each but the last. Values that are `estimates` count where they
-    are not positive, too.
+    `blocks` partitions the source tasks in task order, BLOCK in each but the last. `estimates`: values at or
+    below 0 count too, but for their logarithms.
     """
     from qinit_cli.analysis.moments import source_moments
 

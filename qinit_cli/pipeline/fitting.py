@@ -167,11 +167,11 @@ def _arrays(source: Artefact, asked: Asked, fitting: FitOptions, progress: Progr
     origin = statistics.Origin(family, sources.learning.gamma, sources.seed)
     names = statistics.columns(fitting, family)
     sample = statistics.Sample(selection.kept, origin.seed, names)
-    of_tiles = () if family.counted else (WEIGHTS,)
+    of_tiles = (WEIGHTS,) if sources.family.tiled else ()
     wanted = tuple(dict.fromkeys(("q", "td_var", "eopl", *of_tiles, *names)))
     blocks, bounds = blocks_in_shares(source, wanted, stage.BLOCK), bounds_of(family, origin.gamma)
     read = sample.reading(progress.counting(blocks))
-    arrays = stage.fit(read, selection, fitting, estimates=not family.counted)
+    arrays = stage.fit(read, selection, fitting, estimates=sources.family.tiled)
     arrays = in_returns(arrays, bounds)
     if isinstance(family, TiledFamily):
         arrays[PROBES] = source.read(PROBES)

@@ -91,7 +91,7 @@ def _schema(tasks: SourceTasks) -> Any:
     from qinit_cli.artefacts.sources import sources_schema
 
     family, bounds = tasks.family, bounds_of(tasks.family, tasks.learning.gamma)
-    of_tiles = joined(probe_columns(family), weight_columns(family, per_task=True))
+    of_tiles = joined(probe_columns(family), weight_columns(family, kept=True))
     return sources_schema(
         family.axes(),
         action_axis(family),
@@ -99,7 +99,7 @@ def _schema(tasks: SourceTasks) -> Any:
         tasks.bins,
         bounds,
         *of_tiles,
-        tiled=not family.counted,
+        tiled=isinstance(family, TiledFamily),
     )
 
 
@@ -109,11 +109,11 @@ def learn_sources(sources: SourceTasks, indices: Integers, watch: Watch) -> tupl
     rows = _exact(sources, tasks) if sources.learner == "exact" else learned(sources, tasks, indices, watch)
     finished = rows.pop("finished")
     tasks, kept = tasks[finished], {name: values[finished] for name, values in rows.items()}
-    family, weights = sources.family, kept.pop("q")
-    family.check_learned(weights, bounds_of(family, sources.learning.gamma).width)
-    kept["eopl"] = family.path_lengths(tasks, weights, sources.learning.horizon)
-    kept["solved"] = family.solved(tasks, weights, sources.learning.horizon)
-    kept |= family.kept(weights)
+    family, q = sources.family, kept.pop("q")  # tables, or weights of tiles
+    family.check_learned(q, bounds_of(family, sources.learning.gamma).width)
+    kept["eopl"] = family.path_lengths(tasks, q, sources.learning.horizon)
+    kept["solved"] = family.solved(tasks, q, sources.learning.horizon)
+    kept |= family.kept(q)
     check_returns(family, sources.learning.gamma, kept["q"])
     kept |= {name: tasks[name] for name in tasks.dtype.names or ()}
     return indices[finished], shaped(kept, sources.family)

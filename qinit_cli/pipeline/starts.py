@@ -35,7 +35,7 @@ class StartTable:
     clipped: int
     tiles: Mapping[
         str, Any
-    ]  # `weights` (T, A), `probes` (P, D), `tilings` and `tiles` where the values are of tiles, else nothing
+    ]  # by tiles `weights` (T, A), `probes` (P, D), `tilings` and `tiles`; else nothing
 
 
 def start_table(known: Knowledge, method: Method) -> StartTable:
@@ -76,8 +76,9 @@ def _tiles(family: Family, start: Floats) -> dict[str, Any]:
 def encoded(table: StartTable, ending: str) -> bytes:
     """The bytes of a file with this ending; the same table gives the same bytes.
 
-    .npy: `start` alone. .npz: `start`, its axes by name, `low`, `high`, method, fit (content hash), family and gamma. .csv: a row
-    for each entry, the labels of its axes first. .h5: `start` with its axes as dimension scales, and the rest as attributes.
+    .npy: `start` alone. .npz: `start`, its axes by name, `low`, `high`, method, fit (content hash), family and gamma; by tiles
+    `weights`, `probes`, `tilings` and `tiles` too. .csv: a row for each entry, the labels of its axes first. .h5: `start` with
+    its axes as dimension scales, the arrays of tiles as datasets, and the rest as attributes.
     NotAllowed for .npz where a state axis has the name of another array.
     """
     if ending == ".csv":

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def take_over(
     artefact: Work, asked: Integers, settings: Settings, keeping: Keeping, reporter: Reporter
 ) -> None:
-    """Takes tasks from artefacts of the same settings but for their number, and from those of other ranges of a file."""
+    """Takes tasks from artefacts whose settings differ in the number of tasks alone, or in the range of a file."""
     if keeping.store is None:
         return
     for path, ranges in _relatives(Store(keeping.store), settings):
@@ -48,7 +48,7 @@ def take_over(
 
 
 def _relatives(store: Store, settings: Settings) -> Iterator[tuple[Path, SourcesSettings | None]]:
-    """The artefacts from which tasks may be taken, with the settings asked for where those there use another range."""
+    """The artefacts from which tasks may be taken; with the settings asked for if an artefact has another range of the file."""
     same = [one.path for one in store.relatives(settings.kind, settings.spec())]
     yield from ((path, None) for path in same)
     if _of_file(settings):
@@ -58,9 +58,9 @@ def _relatives(store: Store, settings: Settings) -> Iterator[tuple[Path, Sources
 
 
 def _of_file(settings: Settings) -> TypeGuard[SourcesSettings]:
-    """Whether these are sources of a file of tables, of which each depends on its row and its streams alone.
+    """Whether these are sources of a file of tables or maps: each depends on its place in the file and its streams alone.
 
-    Rows of an environment are not: a few of those used decide its states and the bounds of its returns.
+    A row of an environment does not: the rows that are used decide the states and the bounds of returns together.
     """
     return (
         isinstance(settings, SourcesSettings)
@@ -70,9 +70,9 @@ def _of_file(settings: Settings) -> TypeGuard[SourcesSettings]:
 
 
 def _places(there: Artefact, settings: SourcesSettings, asked: Integers) -> dict[int, int]:
-    """The tasks of an artefact that are asked for here, the ids here by those there.
+    """The ids that tasks of an artefact have among those `asked` for, by the ids that they have there.
 
-    One that is learned has the streams of its id, so that it must have the same here; one that is solved has none.
+    What is learned has the streams of its id, which must therefore be the same; what is solved has none.
     """
     own = draw_tasks(settings.family.installed(), settings.seed, Stream.SOURCE_TASK, asked)[FILE_TASK]
     here = dict(zip(own.tolist(), asked.tolist(), strict=True))

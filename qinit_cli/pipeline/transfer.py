@@ -74,15 +74,14 @@ def targets_of(
 
 
 def check_together(method: Method, learner: Learner, *, blends: bool = False) -> None:
-    """UsageError where the learner has no place for what the method brings beside a start table, or one of them for a blend."""
-    if blends and (method.weighs or method.shapes or method.follows):
-        brings = (
-            "changes its start"
-            if method.weighs
-            else "shapes rewards"
-            if method.shapes
-            else "follows policies"
-        )
+    """UsageError where the learner cannot use what the method brings beside a start table, or one of them goes with no blend."""
+    beside = {
+        "changes its start": method.weighs,
+        "shapes rewards": method.shapes,
+        "follows policies": method.follows,
+    }
+    if blends and any(beside.values()):
+        brings = next(what for what, holds in beside.items() if holds)
         raise UsageError(
             f"{method.name} {brings} while a task is learned, and --blend takes a method that is a start table alone; "
             "leave out --blend"
@@ -184,7 +183,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
     more_axes, more = joined(
         probe_columns(family),
         start_columns(family, per_task=initial.start_per_task),
-        weight_columns(family, per_task=targets.keep_q),
+        weight_columns(family, kept=targets.keep_q),
     )
     return run_schema(
         family.axes(),
@@ -204,7 +203,7 @@ def _schema(targets: TargetTasks, initial: Initial) -> Any:
         moments=targets.moments,
         more_axes=more_axes,
         more=more,
-        tiled=not family.counted,
+        tiled=isinstance(family, TiledFamily),
     )
 
 
@@ -299,8 +298,11 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     return kept
 
 
-def projection(family: Family, kept: Mapping[str, Any]) -> dict[str, float]:
-    """What became of a start at the probes on its way to weights, given what a run keeps; nothing for tables."""
+def projection_numbers(family: Family, kept: Mapping[str, Any]) -> dict[str, float]:
+    """Errors at the probes of the weights that stand for a start, and how many weights there are; nothing for tables.
+
+    `kept` are the arrays that a run keeps once for all targets, see `statics`.
+    """
     if not isinstance(family, TiledFamily) or PROJECTED not in kept:
         return {}
     rank = family.projection.rank

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from qinit_cli.plots.drawn import Drawn
     from qinit_cli.plots.reported import Contents, Planned
 
+# of every command that draws maps
 SLICE = "Fix an axis of the states, or a dimension of continuous ones; may be given several times."
 UNSLICED = "of tiles the first two dimensions vary, the others are at the target start"
 Width = Literal["column", "text"]

@@ -1,4 +1,4 @@
-"""Values along one dimension of continuous states: what a heatmap of a single dimension would hide in shades."""
+"""Values along one dimension of continuous states, as curves: a heatmap would have a single row."""
 
 from __future__ import annotations
 

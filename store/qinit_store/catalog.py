@@ -84,7 +84,7 @@ class Store:
     def relatives(
         self, kind: str, spec: Spec, compared: Callable[[Spec], Spec] = without_tasks
     ) -> list[Description]:
-        """The finished artefacts of `kind` whose spec is the same in what is compared, all but "tasks", the largest first.
+        """The finished artefacts of `kind` with the same spec, the largest first; `compared` gives the part that counts.
 
         A file without permission to read is skipped; SystemFailed if reading one fails otherwise, as its tasks would
         be learned again.

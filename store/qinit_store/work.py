@@ -171,8 +171,8 @@ class Work:
     def adopt(self, artefact: Artefact, places: Mapping[int, int] | None = None) -> None:
         """Take over the tasks of an artefact with the same spec apart from "tasks".
 
-        Refused otherwise, and where it lacks a column: an earlier version wrote it. With `places` tasks of another spec, of which
-        the caller knows that they are the same: the ids that they have here by those that they have there.
+        Refused otherwise, and where it lacks a column: an earlier version wrote it. `places` takes tasks over from another spec:
+        it has their ids here by their ids there, and the caller answers for their being the same tasks.
         """
         if places is None:
             self._compare(artefact, enough=False)

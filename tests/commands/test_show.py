@@ -315,6 +315,20 @@ def test_flat_and_short_curves_can_be_drawn() -> None:
         assert len(curve(values, ("1", "9"), "episode", ASCII)) == 14
 
 
+def test_unknown_values_are_gaps_of_a_curve() -> None:
+    values = np.full(60, np.nan)
+    values[[20, 40, 41]] = 1.0, 1.0, 0.0
+    top, bottom = (_plain(curve(values, ("1", "60"), "place", ASCII))[line].split("|")[1] for line in (0, 11))
+    assert (top.count("*"), bottom.count("*")) == (2, 1)
+    alone = np.where(np.arange(60) == 30, 1.0, np.nan)  # in the middle between two columns of 79 dots
+    for sheet in (ASCII, BLOCKS):
+        drawn = "".join(line[5:] for line in _plain(curve(alone, ("1", "60"), "place", sheet))[:12])
+        assert len(drawn.replace(" ", "").replace("|", "").replace("│", "")) == 1
+    many = np.where(np.arange(1000) == 500, 1.0, np.nan)
+    assert "".join(_plain(curve(many, ("1", "1000"), "place", ASCII))[:12]).count("*") == 1
+    assert _plain(curve(np.full(5, np.nan), ("1", "5"), "place", ASCII)) == ["no known value"]
+
+
 def test_every_value_is_in_one_bar_of_the_histogram() -> None:
     values = np.random.default_rng(0).normal(-3, 0.6, size=200)
     lines = _plain(histogram(values, "ln Q", ASCII))

@@ -209,6 +209,19 @@ def test_regret_is_counted_from_any_method_that_attains_what_is_possible(
     assert regret.value == pytest.approx((0.125 + 0.25 + 0.25 + 0.5) / 4)
 
 
+def test_regret_is_not_counted_from_a_blend_of_what_is_attainable() -> None:
+    optimal = _run("optimal", _level(0.25, 0.5, 0.5, 1))
+    method = replace(optimal.settings.method, label="optimal blend=knownness", known_at=10)
+    lower = _run("optimal", _level(0.125, 0.25, 0.25, 0.5), sources="other")
+    blended = replace(
+        lower, label=method.label, name="blended", settings=replace(lower.settings, method=method)
+    )
+    assert _row([ZERO, blended], "zero").regret is None
+    regret = _row([ZERO, blended, optimal], "zero").regret
+    assert regret is not None
+    assert regret.value == pytest.approx((0.125 + 0.25 + 0.25 + 0.5) / 4)
+
+
 def test_one_target_alone_tells_no_negative_transfer_and_no_ratio() -> None:
     row = _row([_run("zero", _level(1)), _run("mean", _level(0.5))], "mean")
     assert row.negative_transfer is None

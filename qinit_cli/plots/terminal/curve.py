@@ -50,22 +50,43 @@ def curve(values: Floats, ends: tuple[str, str], xlabel: str, sheet: Sheet) -> l
 
 
 def _filled(values: Floats, low: float, high: float, height: int, width: int) -> Integers:
-    """Which dots are set, (height, width): the mean of the values that fall into each column, joined to the next one."""
-    if len(values) >= width:
-        starts = np.arange(width) * len(values) // width
-        heights = np.add.reduceat(values, starts) / np.diff([*starts, len(values)])
-    else:
-        heights = np.interp(np.linspace(0, len(values) - 1, width), np.arange(len(values)), values)
+    """Which dots are set, (height, width): the mean of the known values that fall into each column, joined to the next one.
+
+    Where there are fewer values than columns, those between two known values are on the line between them, and a known value
+    between unknown ones is a dot.
+    """
+    heights = _means(values, width) if len(values) >= width else _interpolated(values, width)
     known = np.flatnonzero(np.isfinite(heights))
     rows = np.rint((high - heights[known]) / (high - low) * (height - 1)).astype(np.int64)
     filled = np.zeros((height, width), dtype=np.int64)
-    before = rows[0]
-    for column, row in zip(known, rows, strict=True):
+    for place, (column, row) in enumerate(zip(known, rows, strict=True)):
+        joined = place > 0 and known[place - 1] == column - 1
+        before = rows[place - 1] if joined else row
         # up to, and not with, the dot before: a steep piece stays one dot wide
         start, stop = (row, max(row, before - 1)) if row < before else (min(row, before + 1), row)
         filled[start : stop + 1, column] = 1
-        before = row
     return filled
+
+
+def _means(values: Floats, width: int) -> Floats:
+    starts = np.arange(width) * len(values) // width
+    known = np.isfinite(values)
+    sums = np.add.reduceat(np.where(known, values, 0.0), starts)
+    counts = np.add.reduceat(known.astype(np.int64), starts)
+    means: Floats = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+    return means
+
+
+def _interpolated(values: Floats, width: int) -> Floats:
+    places = np.linspace(0, len(values) - 1, width)
+    heights: Floats = np.interp(places, np.arange(len(values)), values)
+    for place in np.flatnonzero(
+        np.isfinite(values)
+    ):  # else one without known neighbours could fall between columns
+        nearest = int(np.abs(places - place).argmin())
+        if np.isnan(heights[nearest]):
+            heights[nearest] = values[place]
+    return heights
 
 
 def _braille(filled: Integers) -> list[str]:
