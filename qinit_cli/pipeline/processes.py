@@ -148,7 +148,7 @@ class Process:
                 self._learner = None
             self._tell(batch)
             assert self._process.stdout is not None
-            while isinstance(told := pickle.load(self._process.stdout), Progress):
+            while isinstance(told := pickle.load(self._process.stdout), Advance):
                 part.add(*told)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
             self.close()
@@ -194,7 +194,7 @@ class Process:
             self._process.stdin.flush()
 
 
-class Progress(tuple[int, float, int]):
+class Advance(tuple[int, float, int]):
     """Steps, tasks and finished tasks since the last report."""
 
     __slots__ = ()
@@ -217,7 +217,7 @@ class Telling(Watch):
         """Tells what has been counted since."""
         now, before = (self.steps, self.tasks, self.finished), self._told
         self._told, self._when = now, time.monotonic()
-        send(self._answers, Progress(new - old for new, old in zip(now, before, strict=True)))
+        send(self._answers, Advance(new - old for new, old in zip(now, before, strict=True)))
 
 
 def send(stream: BinaryIO, what: object) -> None:
