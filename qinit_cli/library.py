@@ -57,7 +57,7 @@ from qinit_cli.pipeline.asked import CrossValidating, LearningSources, LearningT
 from qinit_cli.pipeline.job import Made, Plan, make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.knowledge import Knowledge
-from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.machine import OneProcess
 from qinit_cli.pipeline.optimal_tables import initial_of
 from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_cli.pipeline.starts import start_table
@@ -509,7 +509,7 @@ def transfer(
     words = ("transfer", chosen.name, _told(source), *option_words(chosen), *option_words(asked))
     keeping = _keeping(store, output, words)
     learned, count = target_tasks.targets_of(chosen, asked, known.settings.sources)
-    machine = _asked(Machine, jobs=jobs)
+    machine = _asked(OneProcess, jobs=jobs)
     initial, tables = initial_of(chosen, known, learned, count, keeping, machine, reporter)
     plan = target_tasks.plan_of(chosen, learned, initial, count, known, [*given, *tables])
     return Run(_made(plan, keeping, jobs, reporter).source)
@@ -728,7 +728,7 @@ def _made(
     plan: Plan, keeping: Keeping, jobs: int | None, reporter: Reporter, *, fail_fast: bool = False
 ) -> Made:
     """What was made; TasksFailed where a task failed, UsageError for jobs that cannot be."""
-    made = make(plan, keeping, _asked(Machine, jobs=jobs, fail_fast=fail_fast), reporter)
+    made = make(plan, keeping, _asked(OneProcess, jobs=jobs, fail_fast=fail_fast), reporter)
     if made.tally.failed:
         raise TasksFailed(
             f"{made.tally.failed} of {made.tally.tasks} tasks failed; the reporter was given why"

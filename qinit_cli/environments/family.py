@@ -208,6 +208,14 @@ class Family(Protocol):
         ...
 
 
+def is_in_python(family: Family) -> bool:
+    """Whether its tasks are stepped in Python, where threads wait for each other: a family whose `in_python` says so.
+
+    It has `beyond_bounds` too, a Counter of what a process observes beyond an environment's bounds, by dimension.
+    """
+    return bool(getattr(family, "in_python", False))
+
+
 def draw_tasks(family: Family, seed: int, stream: Stream, indices: Integers | Sequence[int]) -> Tasks:
     """The tasks at these indices of a stream, (B,), one field per parameter, by `family.task`."""
     import numpy as np

@@ -8,6 +8,7 @@ read, learned in the compiled loop and solved exactly; else it is simulated by g
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -194,12 +195,22 @@ class Gym(TableFamily):
         return "; ".join(told)
 
     @property
+    def in_python(self) -> bool:
+        """Whether gymnasium steps it: it is no table."""
+        return not self.tabular
+
+    @property
+    def beyond_bounds(self) -> Counter[int]:
+        """How often this process has observed values beyond the environment's own bounds, by dimension."""
+        return self._seen.beyond
+
+    @property
     def beyond(self) -> list[str]:
         """A warning where the environment observed what lies beyond the bounds that it names; none if it did not."""
         return [
             f"{self.env_id} observed values beyond its own bounds in dimension {dimension} ({counted(count, 'time')}); "
             f"they count as at the bound: give --range {dimension}=LOW:HIGH"
-            for dimension, count in sorted(self._seen.beyond.items())
+            for dimension, count in sorted(self.beyond_bounds.items())
         ]
 
     @property

@@ -101,8 +101,23 @@ def reader(space: Space[Any]) -> Callable[[Any], list[Any]]:
             return read
     length = math.prod(space.shape or ())
     if len(space.shape or ()) == 1:
-        return lambda observed: row(observed, length)
+        return _row_reader(length)
     return lambda observed: row(_flat(observed), length)
+
+
+def _row_reader(length: int) -> Callable[[Any], list[Any]]:
+    """`row` of so many numbers, quick where it is an array of them: every step of an environment reads one."""
+    import numpy as np
+
+    array, shape = np.ndarray, (length,)
+
+    def read(observed: Any) -> list[Any]:
+        if type(observed) is array and observed.shape == shape and observed.dtype.kind in NUMERIC:
+            numbers: list[Any] = observed.tolist()
+            return numbers
+        return row(observed, length)
+
+    return read
 
 
 def row(observed: Any, length: int) -> list[float | int]:

@@ -81,20 +81,26 @@ class Seen:
         """How many the table has."""
         return math.prod(self.shape)
 
-    def state(self, observation: Any) -> int:
+    @cached_property
+    def state(self) -> Callable[[Any], int]:
         """The table's state that an observation is in; beyond the bins, in the last; Improper where there is none."""
         if not self.dimensions:
-            return numbered(observation, self.first, self.states)
-        row = self.row(observation)
-        state = 0
-        for value, (low, span, count, bins) in zip(
-            row, self._bins, strict=False
-        ):  # most steps are done with this
-            place = (value - low) / span * count
-            if not 0.0 <= place < count:  # nor where the value is no number
-                return self._careful(row)
-            state = state * bins + int(place)
-        return state if self._bins else self._careful(row)
+            return partial(numbered, first=self.first, states=self.states)
+        read, careful, bins = self.row, self._careful, self._bins
+        if not bins:
+            return lambda observation: careful(read(observation))
+
+        def quick(observation: Any) -> int:  # most steps are done with this; its names are local to be so
+            row = read(observation)
+            state = 0
+            for value, (low, span, count, length) in zip(row, bins):  # noqa: B905 strict costs 0.1 microseconds
+                place = (value - low) / span * count
+                if not 0.0 <= place < count:  # nor where the value is no number
+                    return careful(row)
+                state = state * length + int(place)
+            return state
+
+        return quick
 
     def write(self, state: Floats, observation: Any) -> int:
         """Writes an observation's numbers f8 (D,), none of them a whole one, and gives 0; Improper where one is not finite."""

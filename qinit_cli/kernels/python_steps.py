@@ -99,7 +99,6 @@ class PythonWorlds:
     )  # entered while tasks are learned
     pays: bool = False  # the simulators are PaidSimulators
     dimensions: int = 0  # of a continuous state; 0: there is none
-    _there: dict[int, Simulator] = field(default_factory=dict)
     _failed: list[BaseException] = field(default_factory=list)
     _callbacks: list[Any] = field(default_factory=list)  # alive as long as the loop may call them
 
@@ -114,7 +113,6 @@ class PythonWorlds:
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self._there.clear()
         self.around.__exit__(*error)
 
     def queue(self) -> Integers:
@@ -149,40 +147,58 @@ class PythonWorlds:
     def _addresses(self, horizon: int, paid: Floats, *state: Floats) -> tuple[int, int]:
         """Where compiled code starts an episode, and steps; `paid` and the state are written."""
 
-        def start(task: int, seed: int) -> int:
-            if task not in self._there:
-                self._there.clear()  # the task before it is done
-                self._there[task] = self.simulators(task, horizon, *state)
-            return self._there[task].start(seed)
+        now = -1  # the task that is learned
+        move: Callable[[int], int] = _none_begun
+        simulator: Any = None
 
+        def start(task: int, seed: int) -> int:
+            nonlocal now, move, simulator
+            if self._failed:
+                return 0
+            try:
+                if task != now:
+                    simulator, now = None, -1  # the task before it is done
+                    simulator = self.simulators(task, horizon, *state)
+                    now, move = task, simulator.step
+                code: int = simulator.start(seed)
+                return code
+            except BaseException as error:  # nothing may pass through compiled code
+                return failed(error, 0)
+
+        # as few calls as can be: it is what a step of Python costs beside the environment's own
         def step(task: int, action: int) -> int:
-            return self._there[task].step(action)
+            try:
+                return move(action)
+            except BaseException as error:
+                return failed(error, LOST)
 
         def paid_step(task: int, action: int) -> int:
-            simulator: Any = self._there[task]
-            code: int = simulator.step(action)
-            paid[:] = simulator.paid  # read before any other step
-            return code
-
-        stepping = paid_step if self.pays else step
-        callbacks = CALLBACK(self._safe(start, 0)), CALLBACK(self._safe(stepping, LOST))
-        self._callbacks.extend(callbacks)
-        begin, move = (ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks)
-        return begin, move
-
-    def _safe(self, function: Callable[[int, int], int], instead: int) -> Callable[[int, int], int]:
-        """The function; once it raised, the exception is kept, and the rest of the block is nobody's."""
-
-        def call(task: int, value: int) -> int:
-            if self._failed:
-                return instead
             try:
-                return function(task, value)
-            except BaseException as error:  # nothing may pass through compiled code
-                self._failed.append(error)
-                return instead
+                code = move(action)
+                paid[:] = simulator.paid  # read before any other step
+                return code
+            except BaseException as error:
+                return failed(error, LOST)
 
-        return call
+        def failed(error: BaseException, instead: int) -> int:
+            """Keeps the exception; the rest of the block is nobody's."""
+            nonlocal move
+            self._failed.append(error)
+            move = _lost
+            return instead
+
+        callbacks = CALLBACK(start), CALLBACK(paid_step if self.pays else step)
+        self._callbacks.extend(callbacks)
+        begin, go = (ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks)
+        return begin, go
+
+
+def _lost(action: int) -> int:
+    return LOST
+
+
+def _none_begun(action: int) -> int:
+    raise RuntimeError("a step before the start of an episode")
 
 
 class TiledPythonWorlds(TiledWorlds):

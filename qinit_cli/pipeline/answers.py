@@ -29,14 +29,14 @@ class Unfit(Exception):
 
 
 class WorkerFailed(Exception):
-    """A task failed on a worker; the message holds the type and the words of its error."""
+    """A batch failed on a worker; the message holds the type and the words of its error."""
 
 
 def packed(outcome: Outcome, schema: Schema) -> bytes:
     """The outcome as bytes. ValueError where its columns are not those of the schema."""
     from qinit_store.encoding import checked
 
-    failures = [[task, f"{type(error).__name__}: {error}"] for task, error in outcome.failures]
+    failures = [[task, words] for task, words in outcome.failures]
     said = json.dumps({"ids": outcome.ids.tolist(), "failures": failures}).encode()
     count = len(outcome.ids)
     rows = checked(schema, schema.task_columns, outcome.rows, count) if count else {}
@@ -72,14 +72,14 @@ def _ids(found: Any) -> list[int]:
     return found
 
 
-def _failures(found: Any) -> tuple[tuple[int, Exception], ...]:
+def _failures(found: Any) -> tuple[tuple[int, str], ...]:
     if not isinstance(found, list):
         raise Unfit("it answered with failures that are no list")
     failures = []
     for failure in found:
         match failure:
             case [int(task), str(words)] if type(task) is int:
-                failures.append((task, WorkerFailed(" ".join(words[:MOST_WORDS].split()))))
+                failures.append((task, " ".join(words[:MOST_WORDS].split())))
             case _:
                 raise Unfit("it answered with a failure without a task or words")
     return tuple(failures)

@@ -33,7 +33,7 @@ import numpy as np
 
 from qinit_cli.errors import NotAllowed, QinitError, UsageError
 from qinit_cli.pipeline.answers import Unfit, WorkerFailed, opened, packed
-from qinit_cli.pipeline.workers import IN_FLIGHT, Careful, Outcome, batches, results
+from qinit_cli.pipeline.workers import IN_FLIGHT, Careful, Outcome, batches, in_words, results
 from qinit_cli.watch import Watch
 from qinit_store.errors import StoreError, SystemFailed
 
@@ -87,7 +87,7 @@ class Errand:
         try:
             return packed(_nothing() if watch is None else Careful(self.learn, watch)(batch), self.schema)
         except Exception as error:
-            words = f"{type(error).__name__}: {error}"
+            words = in_words(error)
         # not from within: an error that cannot be pickled, as one behind it, would never reach the head
         raise WorkerFailed(words)
 
@@ -345,7 +345,7 @@ class Cluster(Executor):
         if isinstance(error, Unequal):
             return self._end(NotAllowed(f"a worker has {error}"))
         if type(error).__name__ == "KilledWorker":
-            died = WorkersDied("the workers that learned its batch died, again and again")
+            died = in_words(WorkersDied("the workers that learned its batch died, again and again"))
             return Outcome(batch[:0], {}, tuple((int(task), died) for task in batch))
         words = str(error) if isinstance(error, WorkerFailed) else f"{type(error).__name__}: {error}"
         said = " ".join(words.split())  # no task's fault: Careful catches those

@@ -80,6 +80,7 @@ def plan_of(source: Artefact, method: Method, validation: CrossValidation, value
     return Plan(
         stem=f"{family.label}-{method.name}{in_names(learning.learner.name)}-{source.task_count}",
         settings=settings,
+        family=family,
         schema=tuning_schema(tuple(values), len(tried), bounds_of(family, learning.gamma)),
         learn=validation,
         kernel=f"{family.name} targets{by_learner(learning)}",

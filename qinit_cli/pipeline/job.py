@@ -25,6 +25,7 @@ from qinit_store.wording import counted, noun, shell_line
 if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
     from qinit_cli.artefacts.settings import RunSettings, SourcesSettings, TuningSettings
+    from qinit_cli.environments.family import Family
     from qinit_cli.pipeline.room import Footprint
     from qinit_cli.pipeline.workers import Crew, Learn
     from qinit_cli.watch import Watch
@@ -58,6 +59,7 @@ class Plan:
 
     stem: str  # of its default name
     settings: SourcesSettings | RunSettings | TuningSettings
+    family: Family  # of what is learned
     schema: Schema
     learn: Learn  # the rows of some tasks
     kernel: str  # name of the compiled code that it needs: one choice of kernel and features
@@ -188,10 +190,10 @@ def _learn_missing(
         for learned in crew(missing, _Ticking(progress, watch, reporter)):
             waiting.add(learned.ids, learned.rows)
             progress.advance(len(learned.ids))
-            for task, error in learned.failures:
+            for task, words in learned.failures:
                 tally.failed += 1
-                first = first or f"task {task} failed ({type(error).__name__}: {error})"
-                reporter.note(_failure(task, error, plan, command))
+                first = first or f"task {task} failed ({words})"
+                reporter.note(_failure(task, words, plan, command))
                 if machine.fail_fast:
                     watch.stop()
         waiting.save()
@@ -207,26 +209,33 @@ def _learn_missing(
 
 
 def _crew(plan: Plan, machine: Machine, watch: Watch) -> AbstractContextManager[Crew]:
-    """Who learns: the cluster that was named, else threads of this process."""
+    """Who learns: the cluster that was named, else processes where steps are Python's, else threads of this process."""
+    from qinit_cli.environments.family import is_in_python
+    from qinit_cli.environments.modules import travelling
+
     if machine.dask is not None:
-        from qinit_cli.environments.modules import travelling
         from qinit_cli.pipeline import cluster
 
         return cluster.crew(
             machine.dask, travelling(plan.learn, plan.settings.family.options), watch, plan.schema
         )
+    if machine.processes and machine.threads > 1 and is_in_python(plan.family):
+        from qinit_cli.pipeline.processes import processes_here
+
+        learn = travelling(plan.learn, plan.settings.family.options)
+        return processes_here(machine.threads, learn, plan.family, watch)
     from qinit_cli.pipeline.workers import threads_here
 
     return threads_here(machine.threads, plan.learn, watch)
 
 
-def _failure(task: int, error: Exception, plan: Plan, command: Sequence[str]) -> str:
+def _failure(task: int, said: str, plan: Plan, command: Sequence[str]) -> str:
     """What failed, and the command that makes it fail again."""
     words = shlex.split(provenance(command, plan.read)["command"])
     if "--shard" in words:
         del words[words.index("--shard") : words.index("--shard") + 2]
     alone = shell_line(*words, "--shard", f"{task + 1}/{plan.count}", "--fail-fast")
-    return f"task {task} failed, {type(error).__name__}: {error}; alone it is {alone}"
+    return f"task {task} failed, {said}; alone it is {alone}"
 
 
 def _report_what_is_there(artefact: Work | HeldWork, tally: Tally, reporter: Reporter) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass
+from typing import ClassVar
 
 from qinit_cli import cores
 from qinit_cli.options import check, option
@@ -28,10 +29,12 @@ class Machine:
         None,
         "Learn on the Dask cluster of this scheduler.",
         metavar="ADDRESS|SCHEDULER-FILE",
-        default_text="threads here",
+        default_text="this machine",
         seldom=True,
     )
     fail_fast: bool = option(False, "Stop at the first task that fails; else the others go on.", seldom=True)
+
+    processes: ClassVar[bool] = True  # whether tasks that are stepped in Python may be learned by several
 
     def __post_init__(self) -> None:
         check(self)
@@ -45,7 +48,7 @@ class Machine:
     def _check_dask(self, place: str) -> None:
         if self.jobs is not None:
             raise ValueError(
-                "--jobs counts threads of this process and --dask uses none; leave one of them out"
+                "--jobs counts threads and processes of this machine, and --dask uses none; leave one of them out"
             )
         if re.fullmatch(r"\w+://[^\s/]+:\d{1,5}", place) is None and not os.path.isfile(place):
             raise ValueError(
@@ -63,5 +66,12 @@ class Machine:
 
     @property
     def threads(self) -> int:
-        """Worker threads: as asked, else the cores that this process may use."""
+        """Worker threads, each of which may wait for a process: as asked, else the cores that this process may use."""
         return self.jobs or cores.usable()
+
+
+@dataclass(frozen=True)
+class OneProcess(Machine):
+    """As Machine for callers of the library: what they have defined or registered is in this process alone."""
+
+    processes: ClassVar[bool] = False

@@ -64,6 +64,7 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
     return Plan(
         stem=f"{tasks.family.label}{in_names(tasks.learner)}{role}-{count}-seed-{tasks.seed}",
         settings=SourcesSettings.of(tasks, count),
+        family=tasks.family,
         schema=_schema(tasks),
         learn=partial(learn_sources, tasks),
         kernel=f"{tasks.family.name} {'exact tables' if exact else f'sources{by_learner(tasks.learning)}'}",

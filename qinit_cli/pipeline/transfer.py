@@ -146,6 +146,7 @@ def plan_of(
     return Plan(
         stem=stem_of(method, targets, count),
         settings=RunSettings.of(method, targets, count, known.content_sha256, known.settings),
+        family=targets.family,
         schema=_schema(targets, initial),
         learn=partial(learn_targets, targets, initial),
         kernel=_kernel(targets, initial),

@@ -1,6 +1,7 @@
 """The seam between stages and the machine: batches go through one concurrent.futures.Executor, results come as they are ready.
 
-Kernels run without the interpreter's lock, so threads use every core; a cluster's executor fits the same seam.
+Kernels run without the interpreter's lock, so threads use every core; a cluster's executor fits the same seam, and processes
+do where steps are Python's.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Outcome:
 
     ids: Integers  # of those that were learned
     rows: dict[str, Any]  # column name: array with a leading task axis; empty where no task was learned
-    failures: tuple[tuple[int, Exception], ...] = ()
+    failures: tuple[tuple[int, str], ...] = ()  # tasks, and errors in words
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,13 @@ class Careful:
         except Exception as error:
             watch.take_back()
             if len(batch) == 1:
-                return Outcome(batch[:0], {}, ((int(batch[0]), error),))
+                return Outcome(batch[:0], {}, ((int(batch[0]), in_words(error)),))
         return _together([self(batch[place : place + 1]) for place in range(len(batch))])
+
+
+def in_words(error: BaseException) -> str:
+    """Type and words of an error, as it is told: somebody else's may not travel between processes."""
+    return f"{type(error).__name__}: {error}"
 
 
 def _together(outcomes: list[Outcome]) -> Outcome:

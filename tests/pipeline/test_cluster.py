@@ -378,7 +378,7 @@ class Answering:
         return future
 
 
-def _packed(ids: Any, *failures: tuple[int, Exception]) -> bytes:
+def _packed(ids: Any, *failures: tuple[int, str]) -> bytes:
     return packed(cluster.Outcome(*_learned(np.asarray(ids, np.int64), Watch()), failures), SCHEMA)
 
 
@@ -396,13 +396,13 @@ def _said(said: object, content: bytes = b"") -> bytes:
 
 def test_what_workers_answer_is_what_they_learned() -> None:
     outcomes, made = _outcomes(
-        Answering(lambda batch: _packed(batch[1:], (int(batch[0]), ValueError("bad\nluck"))))
+        Answering(lambda batch: _packed(batch[1:], (int(batch[0]), "ValueError: bad\nluck")))
     )
     made.complain()
     ids = np.concatenate([outcome.ids for outcome in outcomes])
     failed = [failure for outcome in outcomes for failure in outcome.failures]
     assert sorted([*ids.tolist(), *(task for task, _ in failed)]) == list(range(40))
-    assert {str(error) for _, error in failed} == {"ValueError: bad luck"}
+    assert {words for _, words in failed} == {"ValueError: bad luck"}
     tables = np.concatenate([outcome.rows["q"] for outcome in outcomes])
     np.testing.assert_array_equal(tables, np.repeat(ids[:, None], 2, axis=1))
 
@@ -426,7 +426,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "nothing": (lambda batch: _packed(batch[:0]), "it answered for 0 of the"),
     "all but one": (lambda batch: _packed(batch[1:]), "it answered for"),
     "one twice": (lambda batch: _packed([*batch, batch[0]]), "twice for a task"),
-    "learned and failed": (lambda batch: _packed(batch, (int(batch[0]), ValueError())), "twice for a task"),
+    "learned and failed": (lambda batch: _packed(batch, (int(batch[0]), "ValueError: ")), "twice for a task"),
     "no answer": (lambda batch: 7, "it answered int"),
     "an object": (lambda batch: cluster.Outcome(batch, {}), "it answered Outcome"),
     "no bytes": (lambda batch: b"", "it answered bytes"),
