@@ -134,8 +134,9 @@ class FittedTables:
         """The fit in an artefact's arrays of returns within the bounds, their state axes laid out as one."""
         arrays = in_shares(arrays, bounds)
         flat = {name: arrays[name].reshape(states, -1) for name in cls.TABLES}
+        actions = flat["mu"].shape[1]  # a library of no tables does not tell
         library = {
-            name: arrays[name].reshape(len(arrays[name]), states, -1)
+            name: arrays[name].reshape(len(arrays[name]), states, actions)
             for name in ("library_q", "library_td_var")
         }
         return cls(

@@ -34,7 +34,7 @@ class FitKind(Kind["FitSettings"]):
     described = ("library",)
 
     def asked(self, spec: Spec) -> tuple[str, ...]:
-        return (PROBES,) if self.read(spec).sources.family.tiled else ()
+        return (PROBES, "library_weights") if self.read(spec).sources.family.tiled else ()
 
     def read(self, spec: Spec) -> FitSettings:
         from qinit_cli.artefacts.settings import FitSettings

@@ -14,6 +14,7 @@ import numpy as np
 
 from qinit_cli.artefacts.kinds import KINDS, read
 from qinit_cli.artefacts.settings import RunSettings, Settings
+from qinit_cli.artefacts.tile_columns import expected
 from qinit_cli.environments import Family
 from qinit_store import reading
 from qinit_store.held import Held
@@ -141,7 +142,8 @@ def _layout(artefact: Artefact, family: Family | None) -> tuple[list[Axis], list
         raise ValueError(f"it lacks {min(lacking)}")
     if artefact.tasks.size and "tasks" in artefact.spec and artefact.tasks[-1] >= artefact.spec["tasks"]:
         raise ValueError(f"it holds task {artefact.tasks[-1]} of {artefact.spec['tasks']}, counted from 0")
-    return axes, kind.within((*kind.columns(artefact), *parameters), artefact)
+    more, tiled = expected(family, artefact.schema.sizes)
+    return [*axes, *more], kind.within((*kind.columns(artefact), *tiled, *parameters), artefact)
 
 
 def _check_scales(artefact: Artefact) -> None:

@@ -91,7 +91,8 @@ class RunKind(Kind["RunSettings"]):
         tables = ("q",) if settings.keep_q else ()
         # an earlier version kept no steps of evaluations
         evaluated = ("eval_return", "eval_reached") if settings.evaluate_every else ()
-        return (*OF_TRANSFER, *tables, *evaluated)
+        tiled = (PROBES,) if settings.family.tiled else ()
+        return (*OF_TRANSFER, *tables, *evaluated, *tiled)
 
     def lengths(self, artefact: Artefact) -> dict[str, int]:
         settings = self.read(artefact.spec)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from qinit_cli import cores
 from qinit_cli.environments import Family
-from qinit_cli.environments.tiled import Tiles
+from qinit_cli.environments.tiled import TiledFamily, Tiles
 from qinit_cli.errors import UsageError
 from qinit_cli.learners import LEARNERS, Learner
 from qinit_cli.learners.exploration import EXPLORATIONS, EpsilonGreedy, Exploration
@@ -321,6 +321,11 @@ def _inherited(sources: Learning) -> dict[str, Any]:
 def _change(family: Family, text: str) -> tuple[str, Any]:
     """A field of the family and its new value, from KEY=VALUE."""
     try:
-        return setting(text, type(family), family.name)
+        return setting(text, type(_untiled(family)), family.name)
     except ValueError as error:
         raise UsageError(f"--shift {text}: {error}") from error
+
+
+def _untiled(family: Family) -> Family:
+    """The family whose fields can be shifted: by tiles, the one that is tiled."""
+    return family.family if isinstance(family, TiledFamily) else family

@@ -96,7 +96,7 @@ class _KeptTables:
 
     def reading(self, blocks: Iterable[Block]) -> Iterator[Block]:
         for block in blocks:
-            if self._room > 0:
+            if self._room > 0 or not self.q:  # none of the first block tells the shape of none
                 wanted = (
                     (self.q, "q"),
                     (self.td_var, "td_var"),

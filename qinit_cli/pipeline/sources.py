@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -35,11 +36,21 @@ def tasks_of(family: Family, sources: LearningSources) -> SourceTasks:
     """The tasks that are asked for; UsageError where the family cannot be learned so."""
     learning = sources.learning(type(family))
     if (cut := sources.cut) is not None:
+        _check_no_bins(family)
         family = TiledFamily(family, cut).placed(None)
     if sources.exact and not family.tabular:
         raise UsageError(f"{family.untabled}, so there are no exact tables; leave out --learner exact")
     check_learned(family, learning)
     return SourceTasks(family, "exact" if sources.exact else learning.learner.name, learning, sources.seed)
+
+
+def _check_no_bins(family: Any) -> None:
+    """UsageError where a family that is to be tiled was asked for other bins than it has by default."""
+    usual = {one.name: one.default for one in fields(family) if one.name == "bins"}
+    if usual and family.bins != replace(family, **usual).bins:
+        raise UsageError(
+            "--bins is of a table, and --representation tiles has --tiles in its place; leave out one of them"
+        )
 
 
 def check_learned(family: Family, learning: Learning) -> None:

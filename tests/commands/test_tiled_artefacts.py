@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -181,3 +182,31 @@ def test_the_tasks_whose_weights_hold_are_salvaged(here: Here, tiled: Pipeline, 
     saved = here("salvage", damaged, "-o", "saved.h5", "-q").path
     assert qinit.open(saved).to_xarray().task.values.tolist() == [0, 2, 3]
     assert here("fit", saved, "-q").code == 0
+
+
+def test_targets_by_tiles_are_shifted(here: Here, tiled: Pipeline) -> None:
+    ended = here("transfer", "mean", tiled.fit, "--shift", "noise=0.02", "--tasks", 1, "--episodes", 2)
+    assert ended.code == 0, ended.err
+    with h5py.File(ended.path) as file:
+        assert json.loads(file.attrs["spec_json"])["family"]["noise"] == 0.02
+    refused = here("transfer", "mean", tiled.fit, "--shift", "tiles=3", "--tasks", 1)
+    assert (refused.code, refused.out) == (2, "")
+    assert "mountain-car has no tiles; it is one of bins, hill, noise" in refused.err
+
+
+@pytest.mark.parametrize("family", ["mountain-car", "acrobot"])
+def test_bins_beside_tiles_are_refused(here: Here, family: str) -> None:
+    ended = here("train-sources", family, *TILES, "--bins", 5, "--tasks", 1, "--episodes", 1)
+    assert (ended.code, ended.out) == (2, "")
+    assert "--bins is of a table, and --representation tiles has --tiles in its place" in ended.err
+
+
+def test_a_fit_that_keeps_no_library_is_transferred(here: Here, tiled: Pipeline) -> None:
+    fitted = here("fit", tiled.sources, "--library", 0, "-o", "none.h5")
+    assert fitted.code == 0, fitted.err
+    with h5py.File(
+        "none.h5"
+    ) as file:  # 2 tilings of 5 x 5 tiles, one more along each dimension as they are shifted
+        assert (file["library_weights"].shape, file["library_q"].shape) == ((0, 50, 3), (0, 64, 3))
+    ended = here("transfer", "mean", "none.h5", "--tasks", 1, "--episodes", 2)
+    assert ended.code == 0, ended.err
