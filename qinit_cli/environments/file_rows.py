@@ -83,7 +83,10 @@ def _read_rows(path: str, changed: int, size: int) -> Rows:
             if not all(isinstance(row, dict) for row in rows):
                 raise ValueError("a line is no object")
         else:
-            table = list(csv.DictReader(text.splitlines(), strict=True))
+            reader = csv.DictReader(text.splitlines(), strict=True)
+            table, header = list(reader), reader.fieldnames or ()
+            if len(set(header)) < len(header):
+                raise ValueError("two columns have the same name")
             if any(None in row or None in row.values() for row in table):
                 raise ValueError("a row has more or fewer fields than the header")
             rows = [{key: literal(value) for key, value in row.items()} for row in table]

@@ -208,6 +208,8 @@ class OwnTasks(TableFamily):
                 f"--env {env_id} takes rows, and {self.file} has tables or maps; name a CSV, .jsonl or .json, or leave --env out"
             )
         names = [name for name in read_rows(self.file).columns if name != SPLIT]
+        if not names:
+            raise UsageError(f"{self.file} has the column {SPLIT} alone; give one of what varies")
         if PurePath(self.file).suffix == CONTEXTS_FILE:
             whole = takes(env_id, CONTEXTS)
             names = [name for name in names if (name == CONTEXTS) == whole]

@@ -207,3 +207,17 @@ def test_what_cannot_be_meant_is_refused_in_a_sentence(
     ended = here("train-sources", *words)
     assert ended.code == code
     assert told in " ".join(ended.err.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("success_rate,success_rate\n0.5,0.6\n", "two columns have the same name"),
+        ("split\nsmooth\nrough\n", "has the column split alone; give one of what varies"),
+    ],
+)
+def test_headers_that_tell_no_values_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=words):
+        OwnTasks(file=str(path), env="FrozenLake-v1").opened()
