@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from qinit_cli.environments.tiled import DIVERGED
 from qinit_cli.rewards import UNIT, ReturnBounds
 from qinit_store.schema import TASK, Axis, Column, digest_column
 
@@ -58,7 +59,7 @@ def within_bounds(
 ) -> tuple[Column, ...]:
     """The columns, made for returns from 0 to 1, with the least and the largest value that these bounds allow.
 
-    Values that are `tiled` are estimates that may leave the bounds.
+    Values that are `tiled` are estimates that may leave the bounds, until learning counts as diverged.
     """
     from dataclasses import replace
 
@@ -68,7 +69,9 @@ def within_bounds(
         limits |= dict.fromkeys(RETURNS, (bounds.low - slack, bounds.high + slack))
         limits |= {name: (0.0, bounds.width**power * (1 + ROUNDING)) for name, power in SPREADS.items()}
     if tiled:
-        limits |= dict.fromkeys(LEARNED, (None, None)) | dict.fromkeys(SPREADS, (0.0, None))
+        most = DIVERGED * bounds.width * (1 + ROUNDING)
+        limits |= dict.fromkeys(LEARNED, (-most, most))
+        limits |= {name: (0.0, (2 * most) ** power) for name, power in SPREADS.items()}
     return tuple(
         replace(one, low=limits[one.name][0], high=limits[one.name][1]) if one.name in limits else one
         for one in columns

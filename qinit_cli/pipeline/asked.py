@@ -86,7 +86,6 @@ class LearningSources:
     representation: Literal["table", "tiles"] = option(
         "table",
         "Values by a table, or linear in tiles of the continuous state (docs/continuous.md).",
-        seldom=True,
     )
     tilings: int | None = _of_tiles("tilings")
     tiles: int | None = _of_tiles("tiles")

@@ -56,6 +56,13 @@ def test_weights_and_probes_are_finite(
         refused(here, put(of(tiled, kind), tmp_path / "forged.h5", name, -1, value), f"{name} is {value}")
 
 
+def test_values_that_learning_would_not_have_left_are_refused(
+    here: Here, tiled: Pipeline, tmp_path: Path
+) -> None:
+    refused(here, put(tiled.sources, tmp_path / "forged.h5", "q", -1, 1e300), "q is 1e+300")
+    refused(here, put(tiled.fit, tmp_path / "forged-fit.h5", "library_q", -1, 1e300), "library_q is 1e+300")
+
+
 @pytest.mark.parametrize("kind", WEIGHTS)
 @pytest.mark.parametrize("count", [17, 19])
 def test_there_are_as_many_weights_as_the_settings_make(
