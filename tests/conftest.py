@@ -11,6 +11,8 @@ import pytest
 from ready import Ready, started
 from running import QINIT, SMALL_SOURCES, Ended, Pipeline, run_here
 
+from qinit_cli.pipeline import processes
+
 SMALL_TARGETS = ("--tasks", "4", "--episodes", "60")
 
 
@@ -49,6 +51,8 @@ def ready(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ready]:
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Ended]:
     """Runs one command line in this process, in a folder of its own: `here("list", "--store", store)`."""
     monkeypatch.chdir(tmp_path)
+    # other processes know nothing of environments that a test registers in this one
+    monkeypatch.setattr(processes, "PATIENCE", 3600.0)
 
     def call(*arguments: object, stdin: str = "") -> Ended:
         return run_here([str(argument) for argument in arguments], stdin)

@@ -222,8 +222,8 @@ def _crew(plan: Plan, machine: Machine, watch: Watch) -> AbstractContextManager[
     if machine.processes and machine.threads > 1 and is_in_python(plan.family):
         from qinit_cli.pipeline.processes import processes_here
 
-        learn = travelling(plan.learn, plan.settings.family.options)
-        return processes_here(machine.threads, learn, plan.family, watch)
+        travels = travelling(plan.learn, plan.settings.family.options)
+        return processes_here(machine.threads, plan.learn, travels, plan.family, watch)
     from qinit_cli.pipeline.workers import threads_here
 
     return threads_here(machine.threads, plan.learn, watch)

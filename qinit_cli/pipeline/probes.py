@@ -51,7 +51,7 @@ def _placed(pilots: SourceTasks) -> Floats:
     visited = _visited(pilots)
     # evenly spread over all that was visited, in the order of the paths
     kept = visited[np.unique(np.linspace(0, len(visited) - 1, min(len(visited), count // 2)).astype(int))]
-    spread = qmc.Sobol(len(coding.low), scramble=False).random_base2(int(np.ceil(np.log2(count))))
+    spread = qmc.Sobol(len(coding.low), scramble=False).random_base2((count - 1).bit_length())
     spread = qmc.scale(spread, coding.low, coding.high)[: count - len(start) - len(kept)]
     return np.concatenate([start, kept, spread])
 

@@ -42,12 +42,13 @@ class ProcessDied(Exception):
 
 
 @contextmanager
-def processes_here(jobs: int, learn: Learn, family: Any, watch: Watch) -> Iterator[Crew]:
+def processes_here(jobs: int, learn: Learn, travels: Learn, family: Any, watch: Watch) -> Iterator[Crew]:
     """This process and up to `jobs` - 1 others, as a crew that learns; a thread here waits for each of them.
 
-    The family is one that is stepped in Python; its `beyond_bounds` count what the others observe too.
+    The family is one that is stepped in Python; its `beyond_bounds` count what the others observe too. `travels`
+    is the learner as other processes take it.
     """
-    seats = Seats(learn, family, watch)
+    seats = Seats(learn, travels, family, watch)
 
     def outcomes(tasks: Integers, tick: Callable[[], None]) -> Iterator[Outcome]:
         def look() -> None:
@@ -67,8 +68,8 @@ def processes_here(jobs: int, learn: Learn, family: Any, watch: Watch) -> Iterat
 class Seats:
     """Who learns a batch: this process, or another one that is free or is started."""
 
-    def __init__(self, learn: Learn, family: Any, watch: Watch) -> None:
-        self._learner, self._family, self._watch = (learn, family), family, watch
+    def __init__(self, learn: Learn, travels: Learn, family: Any, watch: Watch) -> None:
+        self._learner, self._family, self._watch = (travels, family), family, watch
         self._here = Careful(learn, watch)
         self._free: list[Process | None] = [None]  # None is this process
         self._processes: list[Process] = []

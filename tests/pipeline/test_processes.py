@@ -68,7 +68,8 @@ class Others(processes.Seats):
 
 def _crew(learn: Squares, tasks: int, watch: Watch, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(processes, "PATIENCE", 0.0)
-    with processes.processes_here(2, learn, learn.family, watch) as crew:
+    monkeypatch.syspath_prepend(Path(__file__).parents[2])  # another process finds this module by its name
+    with processes.processes_here(2, learn, learn, learn.family, watch) as crew:
         return list(crew(np.arange(tasks), lambda: None))
 
 
@@ -103,7 +104,8 @@ def test_tasks_whose_process_ends_fail_and_the_rest_goes_on(monkeypatch: pytest.
 def test_a_small_job_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "Process", None)  # else it would be called
     family = Stepped()
-    with processes.processes_here(2, Squares(family, os.getpid()), family, Watch()) as crew:
+    squares = Squares(family, os.getpid())
+    with processes.processes_here(2, squares, squares, family, Watch()) as crew:
         assert sum(len(one.ids) for one in crew(np.arange(4), lambda: None)) == 4
 
 
