@@ -121,13 +121,14 @@ def test_potentials_and_policies_of_tiles_equal_the_plain_ones() -> None:
         assert_same(learned, task, *outcome)
 
 
-@pytest.mark.parametrize("name", SUMS)
-@pytest.mark.parametrize("explore", ["epsilon-greedy", "boltzmann"])
+# the exploration knows no more of learners than whether they wait
+@pytest.mark.parametrize(
+    ("name", "explore"),
+    [*((name, "epsilon-greedy") for name in SUMS), ("q-learning", "boltzmann"), ("sarsa", "boltzmann")],
+)
 def test_one_tiling_is_the_table_to_the_last_bit(name: str, explore: str) -> None:
     learning = replace(EXPLORING, learner=LEARNERS[name]())
     if explore == "boltzmann":
-        if name not in ("q-learning", "sarsa"):
-            pytest.skip("one learner that waits and one that does not: the exploration knows no more of them")
         learning = replace(learning, explore=Boltzmann(temperature=0.05))
     cars, bins = MountainCars(ETA, bins=6), 6
     table = np.random.default_rng(5).integers(0, 3, (bins**2, 3)) / 8
