@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from qinit_cli.kernels.compiled import inlined
+from qinit_cli.kernels.parts import part
 from qinit_cli.kernels.reals import chosen, nearest
 
 TWO_OVER_PI = 2.0 / math.pi
@@ -27,23 +28,7 @@ S4, S5, S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099
 @inlined
 def cosine(y):
     """cos(y) for y from -2 pi to 2 pi, one number or eight."""
-    turns = nearest(y * TWO_OVER_PI)
-    rough = y - turns * HALF_PI
-    correction = turns * HALF_PI_REST
-    r = rough - correction
-    rest = (rough - r) - correction
-    z = r * r
-    square = z * z
-
-    half = 0.5 * z
-    head = 1.0 - half
-    tail = z * ((C1 + z * C2) + square * ((C3 + z * C4) + square * (C5 + z * C6)))
-    cos_r = head + (((1.0 - head) - half) + (z * tail - r * rest))
-
-    cube = z * r
-    tail = (S2 + z * S3) + square * ((S4 + z * S5) + square * S6)
-    sin_r = r - ((z * (0.5 * rest - cube * tail) - rest) - cube * S1)
-
+    turns, sin_r, cos_r = _reduced(y)
     odd = (turns == 1.0) | (turns == -1.0) | (turns == 3.0) | (turns == -3.0)
     magnitude = chosen(odd, sin_r, cos_r)
     kept = (turns == 0.0) | (turns == -1.0) | (turns == 3.0) | (turns == 4.0) | (turns == -4.0)
@@ -53,6 +38,20 @@ def cosine(y):
 @inlined
 def sine_and_cosine(y):
     """sin(y) and cos(y) of one number, as `cosine` computes them, for |y| below 100."""
+    turns, sin_r, cos_r = _reduced(y)
+    quarter = np.int64(turns) & 3
+    if quarter == 0:
+        return sin_r, cos_r
+    if quarter == 1:
+        return cos_r, -sin_r
+    if quarter == 2:
+        return -sin_r, -cos_r
+    return -cos_r, sin_r
+
+
+@part  # as plain Python it takes arrays too
+def _reduced(y):
+    """The quarter turns next to y, a whole number but float64, and sine and cosine of what is left; one number or eight."""
     turns = nearest(y * TWO_OVER_PI)
     rough = y - turns * HALF_PI
     correction = turns * HALF_PI_REST
@@ -69,12 +68,4 @@ def sine_and_cosine(y):
     cube = z * r
     tail = (S2 + z * S3) + square * ((S4 + z * S5) + square * S6)
     sin_r = r - ((z * (0.5 * rest - cube * tail) - rest) - cube * S1)
-
-    quarter = np.int64(turns) & 3
-    if quarter == 0:
-        return sin_r, cos_r
-    if quarter == 1:
-        return cos_r, -sin_r
-    if quarter == 2:
-        return -sin_r, -cos_r
-    return -cos_r, sin_r
+    return turns, sin_r, cos_r

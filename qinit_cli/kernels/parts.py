@@ -13,7 +13,7 @@ from qinit_cli.kernels.compiled import INLINED
 
 Function = Callable[..., Any]
 
-_BODIES: dict[Function, dict[type, Function]] = {}
+_BODIES: dict[Function, dict[type | None, Function]] = {}
 
 
 def part(default: Function) -> Function:
@@ -26,7 +26,7 @@ def part(default: Function) -> Function:
 
     @wraps(default)  # Numba compares the names of the arguments
     def choose(*arguments: Any) -> Function:
-        return bodies.get(arguments[0].instance_class, default)
+        return bodies.get(getattr(arguments[0], "instance_class", None), default)
 
     overload(default, jit_options=options)(choose)
     return default
