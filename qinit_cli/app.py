@@ -50,7 +50,7 @@ PANELS = {
         "verdicts",
     ),
     "Artefacts": ("list", "show", "plot", "report", "export", "log", "verify", "salvage", "merge"),
-    "The paper": ("reproduce",),
+    "Studies": ("study", "reproduce"),
     "Planning and installation": ("tune", "sample-size", "config", "doctor", "bench"),
 }
 EXAMPLES = (  # the first two work as they stand, in seconds
@@ -101,6 +101,10 @@ LATER = {  # commands with many subcommands, made when they are needed, each wit
     "plot": (
         "Draw pictures from stored artefacts: PNG, SVG or PDF.",
         "qinit plot histograms sources.h5 -o histograms.png",
+    ),
+    "study": (
+        "A whole experiment in one file: write, check, run and export it.",
+        "qinit study run study.toml",
     ),
     "reproduce": (
         "Reproduce the paper: make what its figures need and draw them; prints the folder.",

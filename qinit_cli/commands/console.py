@@ -60,6 +60,11 @@ def say(text: str) -> None:
 _compiled: set[str] = set()  # kinds whose compiling this command has announced
 
 
+def announced() -> int:
+    """How often this command has announced that kernels are compiled."""
+    return len(_compiled)
+
+
 @contextmanager
 def compiling(display: Display, kind: str = "") -> Iterator[None]:
     """Announces once that kernels of this kind are compiled, if that happens within the block; kept code is silent.

@@ -1,4 +1,4 @@
-"""`qinit reproduce`: the paper's figures, from what is in the store as far as it is there."""
+"""`qinit reproduce`: the paper's figures, which are a study of this package (qinit_cli/paper/paper.toml)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import Literal
 
 import typer
 
-from qinit_cli import cores
 from qinit_cli.commands.console import print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
+from qinit_cli.commands.study import THREADS, Threads
 from qinit_cli.commands.typer_commands import add_command
+from qinit_cli.errors import TasksFailed
 from qinit_cli.options import check, option
-from qinit_cli.paper.experiments import TARGETS
+from qinit_store.wording import counted
 
 SHOWS = {
     "fig4": "Figure 4: heatmaps of what each initialisation starts from.",
@@ -32,6 +33,8 @@ SHOWS = {
     "mountain-car": "Every figure of Mountain Car: 7 to 10, A1, A3.",
     "all": "Every figure of the paper's experiments.",
 }
+PAPER = "paper"  # the scale of the file as it stands
+FILE = Path(__file__).parents[1] / "paper" / "paper.toml"
 
 
 @dataclass(frozen=True)
@@ -67,29 +70,17 @@ class ReproducedInto:
     json: bool = option(False, "Print one JSON object instead of the folder.")
 
 
-@dataclass(frozen=True)
-class Threads:
-    """How much of the machine is used; no number depends on it."""
-
-    jobs: int | None = option(
-        None, "Tasks learned at once.", low=1, high=cores.MOST_JOBS, default_text="all cores", metavar="N"
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
 GROUPS = {
     "asked": Group(Reproducing, "Size"),
     "into": Group(ReproducedInto, "Files"),
-    "machine": Group(Threads, "Machine"),
+    "machine": THREADS,
     "display": DISPLAY,
 }
 
 
 def add_to(targets: typer.Typer, only: str | None = None) -> None:
     """Adds one subcommand per figure, per environment, and for all, or that of the `only` name asked for."""
-    for name in [name for name in TARGETS if only in (None, name)]:
+    for name in [name for name in SHOWS if only in (None, name)]:
         add_command(targets, name, partial(reproduce, name), GROUPS, help=SHOWS[name])
 
 
@@ -98,19 +89,29 @@ def reproduce(
 ) -> None:
     """Makes what is missing, draws it, and prints the folder."""
     from qinit_cli.commands.option_groups import Output
-    from qinit_cli.paper.reproduction import Reproduction
     from qinit_cli.pipeline.machine import Machine
+    from qinit_cli.study.manifest import REPRODUCTION
+    from qinit_cli.study.reading import Study
+    from qinit_cli.study.work import StudyWork
 
-    reproduction = Reproduction(
-        target,
-        asked.scale,
-        asked.source_sets,
-        into.output or f"reproduction-{target}-{asked.scale}",
-        into.force,
+    scale = None if asked.scale == PAPER else asked.scale
+    study = Study.read(FILE, scale, asked.source_sets).only([target])
+    work = StudyWork(
+        study,
+        f"{target} at {asked.scale} scale",
+        REPRODUCTION,
+        {
+            "target": target,
+            "scale": asked.scale,
+            "source_sets": asked.source_sets,
+            "sizes": study.sizes,
+        },
+        Path(into.output or f"reproduction-{target}-{asked.scale}"),
         Output(store=into.store, wait=into.wait).keeping,
         Machine(jobs=machine.jobs),
+        into.force,
     )
-    ahead = reproduction.plan()
+    ahead = work.plan()
     if into.dry_run and into.json:
         print(json.dumps(ahead.told(), allow_nan=False))
         return
@@ -120,8 +121,12 @@ def reproduce(
     ahead.report(reporter)
     if into.dry_run:
         return
-    done = reproduction.make(ahead, reporter)
+    done = work.make(ahead, reporter)
     if into.json:
         print(json.dumps(done, allow_nan=False), flush=True)
     else:
         print_path(Path(done["path"]))
+    if work.failed:
+        raise TasksFailed(
+            f"{counted(len(work.failed), 'artefact')} of {len(work.artefacts)} failed; the same command tries them again"
+        )

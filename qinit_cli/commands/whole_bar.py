@@ -1,73 +1,89 @@
-"""One bar over all artefacts and pictures of a reproduction, by the seconds that each was expected to take."""
+"""One bar over all artefacts and pictures of a study, by the seconds that they take."""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 import time
-from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from qinit_cli.commands.console import Lines, Printed, TaskBar, clock, console
+from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock, console
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.reporter import Whole
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.reporter import Progress
+    from qinit_cli.study.pace import Pace
     from qinit_cli.watch import Watch
 
-TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took ...
-WINDOW = 20  # ... of so many things: the first ones wait for the compiler
+WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`
+SCHEMA = "qinit.study-progress/1"
 
 
 class PrintedWhole(Printed):
     """Reports on stderr, several things to make as one."""
 
-    def whole(self, count: int, expected: float) -> Whole:
+    def whole(self, count: int, pace: Pace, kept: Path) -> Whole:
         """One bar on a terminal, else plain lines."""
-        return WholeBar(self._display, count, expected)
+        return WholeBar(self._display, count, pace, kept)
 
 
 class WholeBar(Printed, Whole):
     """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact."""
 
-    def __init__(self, display: Display, count: int, expected: float) -> None:
-        super().__init__(display)
-        self._count, self._expected = count, max(expected, 1e-9)
+    def __init__(self, display: Display, count: int, pace: Pace, kept: Path) -> None:
+        Printed.__init__(self, display)
+        Whole.__init__(self, pace)
+        self._count, self._kept = count, kept
         self._at = 0
-        self._before = 0.0  # expected seconds of what is done
-        self._own = 0.0  # of what is being made
+        self._kind: tuple[str, ...] | None = None  # of what is being made
+        self._foreseen = 0.0  # seconds of the same
         self._lines = Lines(display)
-        self._begun = deque(
-            [(time.monotonic(), 0.0)], WINDOW
-        )  # when each of the last began, and what was done by then
+        self._started = time.monotonic()
+        self._written = 0.0
         self._bar: Any = None
 
     def __enter__(self) -> Self:
         if sys.stderr.isatty() and not self._display.quiet:
-            self._bar = _bar(self._display, self._expected)
+            self._bar = _bar(self._display)
             self._bar.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         if self._bar is not None:
             self._bar.stop()
+        self._kept.unlink(missing_ok=True)
 
-    def begin(self, what: str, expected: float) -> None:
-        """The next of the things to make, and what it is expected to take."""
-        self._before, self._own = self._before + self._own, expected
+    @contextmanager
+    def thing(self, what: str, kind: tuple[str, ...], foreseen: float) -> Iterator[None]:
+        """Around the making of one thing; what it took while kernels were compiled says nothing of the next."""
         self._at += 1
-        self._begun.append((time.monotonic(), self._before))
+        self._kind, self._foreseen = kind, foreseen
+        before, began = announced(), time.monotonic()
         self.show(what, 0.0)
+        yield
+        taken = time.monotonic() - began
+        if announced() > before:
+            taken = min(taken, foreseen * self.pace.factor(kind))
+        self.pace.took(kind, foreseen, taken)
+        self._kind = None
 
     def show(self, what: str, share: float, rate: str = "") -> None:
         """Shows how far it is, and that `share` of the thing that is being made is done."""
-        done = self._before + self._own * min(1.0, share)
-        left = f"{clock(self._left(done))} left"
+        seconds = self.pace.left(self._kind, min(1.0, share), self._foreseen)
+        left = f"{clock(seconds)} left"
+        passed = time.monotonic() - self._started
+        self._write(what, share, seconds)
         if self._bar is not None:
             self._bar.update(
                 self._bar.task_ids[0],
-                completed=done,
+                completed=passed,
+                total=max(passed + seconds, 1e-9),
                 description=printable(what),
                 at=f"{self._at}/{self._count}",
                 rate=rate,
@@ -81,11 +97,30 @@ class WholeBar(Printed, Whole):
         """The tasks of one artefact, as part of the whole."""
         return _Part(self, what, done, total, watch)
 
-    def _left(self, done: float) -> float:
-        since, before = self._begun[0]
-        lately = done - before
-        pace = (time.monotonic() - since) / lately if lately >= TRUSTED_AFTER else 1.0
-        return max(0.0, self._expected - done) * pace
+    def _write(self, what: str, share: float, left: float) -> None:
+        """Keeps where it stands in a file, whole or not at all; a failure to do so ends nothing."""
+        now = time.monotonic()
+        if now - self._written < WRITTEN_EVERY:
+            return
+        self._written = now
+        told = {
+            "schema": SCHEMA,
+            "pid": os.getpid(),
+            "host": os.uname().nodename,
+            "updated": time.time(),
+            "running": round(now - self._started, 1),
+            "at": self._at,
+            "of": self._count,
+            "what": what,
+            "share": round(share, 4),
+            "left": round(left, 1),
+        }
+        beside = self._kept.with_name(f"{self._kept.name}.part")
+        try:
+            beside.write_text(json.dumps(told), "utf-8")
+            beside.replace(self._kept)
+        except OSError as error:
+            self.detail(f"{self._kept} cannot be written: {error.strerror}")
 
 
 class _Part(TaskBar):
@@ -100,7 +135,7 @@ class _Part(TaskBar):
         self._whole.show(self._what, self.share, self._rate())
 
 
-def _bar(display: Display, expected: float) -> Any:
+def _bar(display: Display) -> Any:
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
@@ -114,5 +149,5 @@ def _bar(display: Display, expected: float) -> Any:
         transient=True,
         expand=True,
     )
-    bar.add_task("", total=expected, at="", rate="", left="")
+    bar.add_task("", total=1.0, at="", rate="", left="")
     return bar

@@ -37,49 +37,76 @@ class Expected:
     bytes: int
 
 
+@dataclass(frozen=True)
+class OfTask:
+    """What one task takes."""
+
+    steps: float
+    seconds: float  # of one core
+    settled: float  # steps of an episode, of the last that were tried
+    compression: float  # bytes on disk over bytes in memory
+
+
 def expected(
     plan_of: Callable[[Tasks, int], Plan], tasks: Tasks, count: int, keeping: Keeping, machine: Machine
 ) -> Expected:
     """What `plan_of(tasks, count)` would take, judged by a few of the tasks and a few of their episodes."""
+    fewer, tried = shortened(tasks)
+    trial = plan_of(fewer, min(count, TRIAL_TASKS))
+    return foresee(plan_of(tasks, count), trial, tasks.learning.episodes, tried, keeping, machine)
+
+
+def shortened(tasks: Tasks) -> tuple[Tasks, int]:
+    """The tasks with the episodes of a trial, and how many these are."""
     episodes = tasks.learning.episodes
     tried = min(episodes, MOST_TRIED, max(FEWEST_TRIED, episodes // TRIAL_SHARE))
-    fewer = replace(tasks, learning=replace(tasks.learning, episodes=tried))
-    trial = plan_of(fewer, min(count, TRIAL_TASKS))
-    return foresee(plan_of(tasks, count), trial, episodes, tried, keeping, machine)
+    return replace(tasks, learning=replace(tasks.learning, episodes=tried)), tried
+
+
+def of_task(trial: Plan, episodes: int, tried: int) -> OfTask:
+    """What a task of all `episodes` takes, judged by `trial`: TRIAL_TASKS tasks of `tried` of them.
+
+    Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
+    still have become much shorter, the time is overestimated.
+    """
+    from qinit_cli.pipeline.room import check_memory
+    from qinit_cli.watch import Watch
+
+    check_memory(trial.footprint, trial.count, 1)
+    ids = np.arange(trial.count)
+    trial.learn(ids, Watch())  # compiles, reads caches warm
+    _, rows = trial.learn(ids, Watch())
+    growth = _growth(rows, episodes, tried)
+    return OfTask(
+        steps=float(rows["steps"].sum() / trial.count * growth),
+        seconds=float(rows["seconds"].mean() * growth),
+        settled=_settled(rows, tried),
+        compression=_compression(trial, rows),
+    )
 
 
 def foresee(
     plan: Plan, trial: Plan, episodes: int, tried: int, keeping: Keeping, machine: Machine
 ) -> Expected:
-    """What `plan` would take, judged by `trial`: the same with TRIAL_TASKS tasks of `tried` of the `episodes`.
-
-    Episodes become shorter as a task is learned, so what the last of the tried ones took stands for the rest; where they would
-    still have become much shorter, the time is overestimated.
-    """
-    from qinit_cli.pipeline.room import check_artefact, check_memory
-    from qinit_cli.watch import Watch
+    """What `plan` would take, judged by `trial`, see `of_task`."""
+    from qinit_cli.pipeline.room import check_artefact
 
     check_artefact(plan.footprint)
-    check_memory(trial.footprint, trial.count, 1)
+    one = of_task(trial, episodes, tried)
     path, count = place(plan, keeping, machine), len(share_of(plan.count, *machine.share))
     missing = max(0, count - _saved(path, plan, keeping, share=count < plan.count))
-    ids = np.arange(trial.count)
-    trial.learn(ids, Watch())  # compiles, reads caches warm
-    _, rows = trial.learn(ids, Watch())
-    per_task = rows["steps"].sum() / trial.count
-    seconds = rows["seconds"].mean()
-    growth = _growth(rows, episodes, tried)
     return Expected(
         path=str(path),
         tasks=count,
         missing=missing,
-        steps=round(per_task * growth * missing),
-        seconds=float(seconds * growth * missing / _threads(machine)),
-        bytes=round(_compression(trial, rows) * plan.schema.task_bytes * count),
+        steps=round(one.steps * missing),
+        seconds=one.seconds * missing / threads(machine),
+        bytes=round(one.compression * plan.schema.task_bytes * count),
     )
 
 
-def _threads(machine: Machine) -> int:
+def threads(machine: Machine) -> int:
+    """Worker threads, here or on the cluster."""
     if machine.dask is None:
         return machine.threads
     from qinit_cli.pipeline import cluster
@@ -109,8 +136,20 @@ def _growth(rows: dict[str, Any], episodes: int, tried: int) -> float:
     curve = rows.get("curve_steps", rows["steps"])
     if curve.ndim == 1:
         return 1.0  # exact tables have no episodes
-    settled = curve[:, -max(1, curve.shape[1] // SETTLED_SHARE) :].mean()
-    return float(1.0 + (episodes - tried) * settled / (tried * curve.mean()))
+    return float(1.0 + (episodes - tried) * _tail(curve) / (tried * curve.mean()))
+
+
+def _settled(rows: dict[str, Any], tried: int) -> float:
+    """Steps of an episode among the last of those that were tried; NaN where there are none."""
+    curve = rows.get("curve_steps", rows["steps"])
+    if curve.ndim == 1:
+        return float("nan")
+    of_episode = float(rows["steps"].sum() / len(rows["steps"]) / tried)  # whatever a bin of the curve holds
+    return of_episode * _tail(curve) / float(curve.mean())
+
+
+def _tail(curve: Any) -> float:
+    return float(curve[:, -max(1, curve.shape[1] // SETTLED_SHARE) :].mean())
 
 
 def _compression(trial: Plan, rows: dict[str, Any]) -> float:

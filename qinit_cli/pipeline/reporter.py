@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from qinit_cli.study.pace import Pace
     from qinit_cli.watch import Watch
 
 
@@ -27,22 +31,29 @@ class Reporter:
         """The progress of `total` tasks, `done` of them before; `watch` counts steps and tasks at work."""
         return Progress()
 
-    def whole(self, count: int, expected: float) -> Whole:
-        """The progress over `count` things to make, expected to take so many seconds together."""
-        return Whole()
+    def whole(self, count: int, pace: Pace, kept: Path) -> Whole:
+        """The progress over `count` things to make; where it stands is written into the file `kept` now and then."""
+        return Whole(pace)
 
 
 class Whole(Reporter):
     """Progress over several things to make, as a context; it hears of the tasks of each. Silent."""
 
-    def __enter__(self) -> Whole:
+    def __init__(self, pace: Pace) -> None:
+        self.pace = pace
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
         """Ends what is shown."""
 
-    def begin(self, what: str, expected: float) -> None:
-        """The next of the things to make, expected to take so many seconds."""
+    @contextmanager
+    def thing(self, what: str, kind: tuple[str, ...], foreseen: float) -> Iterator[None]:
+        """Around the making of one thing of a kind, foreseen to take so many seconds."""
+        began = time.monotonic()
+        yield
+        self.pace.took(kind, foreseen, time.monotonic() - began)
 
 
 class Progress:

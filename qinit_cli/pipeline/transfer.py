@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -155,6 +156,36 @@ def plan_of(
         inputs=inputs,
         learning_bytes=learning_bytes(targets.learning.episodes),
         statics=statics(initial, targets.family),
+    )
+
+
+def from_zeros(targets: TargetTasks, count: int) -> Plan:
+    """A run of so many targets from a start of zeros, for trials: of no fit, and not to be kept."""
+    from qinit_cli.artefacts.settings import FitSettings, RunSettings, SourcesSettings
+    from qinit_cli.fitted import FitOptions
+    from qinit_cli.kernels.policies import Policies
+    from qinit_cli.methods.zero import Zero
+    from qinit_cli.pipeline.job import Plan
+    from qinit_cli.pipeline.probes import with_probes
+    from qinit_cli.tasks import SourceTasks
+
+    sources = SourceTasks(targets.family, targets.learning.learner.name, targets.learning, targets.seed)
+    sources = with_probes(sources)
+    family = sources.family
+    targets = replace(targets, family=family)
+    states, nothing = math.prod(family.shape), "0" * 64
+    start = np.zeros((states, len(family.actions)))
+    initial = Initial(start, np.zeros(states), Policies(np.empty((0, states), np.int64)), 0, 0)
+    fit = FitSettings.of(SourcesSettings.of(sources, count), nothing, FitOptions())
+    return Plan(
+        stem="trial",
+        settings=RunSettings.of(Zero(), targets, count, nothing, fit),
+        family=family,
+        schema=_schema(targets, initial),
+        learn=partial(learn_targets, targets, initial),
+        kernel=_kernel(targets, initial),
+        what="a trial",
+        learning_bytes=learning_bytes(targets.learning.episodes),
     )
 
 

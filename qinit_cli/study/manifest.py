@@ -1,4 +1,4 @@
-"""What a reproduction's folder says of itself: what was asked, what it holds, where that came from, where the time went."""
+"""What a study's folder says of itself: what was asked, what it holds, where that came from, where the time went."""
 
 from __future__ import annotations
 
@@ -12,10 +12,29 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from qinit_store.reading import Description
 
-SCHEMA = "qinit.reproduction/1"
-MANIFEST = "reproduction.json"
-STAGES = ("sources", "fits", "runs", "pictures", "tables", "verdicts")
+STAGES = ("sources", "fits", "tunings", "runs", "pictures", "tables", "verdicts")
 VERDICTS = "verdicts"  # the name of the entry that is no table
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a folder holds, and how its manifest is called."""
+
+    noun: str
+    command: str  # that makes it
+    manifest: str
+    schema: str
+    told: tuple[str, ...]  # keys that tell one from another in an error
+
+
+STUDY = Kind("study", "qinit study run", "study.json", "qinit.study/1", ("study", "scale", "source_sets"))
+REPRODUCTION = Kind(
+    "reproduction",
+    "qinit reproduce",
+    "reproduction.json",
+    "qinit.reproduction/1",
+    ("target", "scale", "source_sets"),
+)
 
 
 @dataclass
@@ -28,6 +47,7 @@ class Spent:
 
 
 def manifest(
+    kind: Kind,
     asked: Mapping[str, Any],
     entries: Iterable[dict[str, Any]],
     artefacts: Iterable[Path],
@@ -41,7 +61,7 @@ def manifest(
     judged = next((entry for entry in entries if entry["name"] == VERDICTS), {})
     earlier = {stage["stage"]: stage for stage in before.get("stages", [])}
     return {
-        "schema": SCHEMA,
+        "schema": kind.schema,
         "command": shlex.join(["qinit", *sys.argv[1:]]),
         **asked,
         "started": before.get("started", started),

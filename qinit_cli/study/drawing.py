@@ -1,14 +1,16 @@
-"""Pictures and tables of an experiment, made of its artefacts and written into the reproduction's folder."""
+"""Pictures, tables and verdicts of a study, made of artefacts that stand in the store."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli import __version__
-from qinit_cli.paper.experiments import (
+from qinit_cli.plots import Frame
+from qinit_cli.plots.plot import RunsPlot
+from qinit_cli.study.planned import (
     Artefact,
     PlannedJudgement,
     PlannedPicture,
@@ -16,8 +18,6 @@ from qinit_cli.paper.experiments import (
     PlannedTable,
     Shown,
 )
-from qinit_cli.plots import PLOTS, Frame
-from qinit_cli.plots.plot import RunsPlot
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,7 +38,7 @@ class Drawing:
 
     def picture(self, picture: PlannedPicture) -> Drawn:
         """The picture, at text width."""
-        plot, frame = PLOTS[picture.kind](), Frame(picture.title)
+        plot, frame = picture.plot, Frame(picture.title)
         if isinstance(plot, RunsPlot):
             return plot.of_runs(self.runs(picture.artefacts), frame)
         return plot.drawn([self.paths[artefact] for artefact in picture.artefacts], frame)
@@ -51,13 +51,13 @@ class Drawing:
         runs = self.runs(table.runs)
         if table.first is not None:
             runs = [run.first(table.first) for run in runs]
-        return told(stage.compare(runs, "zero", "return"), "return")
+        return told(stage.compare(runs, table.baseline, table.metric), table.metric)
 
     def verdicts(self, judgement: PlannedJudgement) -> dict[str, Any]:
         """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
         from qinit_cli.paper import verdicts as stage
 
-        paths = [self.paths[artefact] for artefact in judgement.artefacts]
+        paths = [self.paths[artefact] for artefact in judgement.artefacts if artefact in self.paths]
         found = stage.verdicts(stage.evidence(stage.opened(paths)))
         return stage.told([one for one in found if judgement.whole or one.verdict != NOT_JUDGED])
 
@@ -78,7 +78,7 @@ class Drawing:
 
 
 def file_of(shown: Shown) -> str:
-    """The name of its file; a picture has a PNG beside it."""
+    """The name of its file; a picture has a PNG beside it, a table a CSV."""
     return f"{shown.name}.svg" if isinstance(shown, PlannedPicture) else f"{shown.name}.json"
 
 
@@ -86,12 +86,13 @@ def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
     """SHA-256 of all that decides what it shows: its settings, its artefacts' content and this version."""
     from qinit_store.spec import canonical_json
 
-    told = [__version__, shown.name, shown.title, *(digests[artefact] for artefact in shown.artefacts)]
+    told: list[Any] = [__version__, shown.name, shown.title]
+    told += [digests[artefact] for artefact in shown.artefacts if artefact in digests]
     match shown:
-        case PlannedPicture(kind=kind):
-            told.append(kind)
-        case PlannedTable(first=first):
-            told.append(str(first))
+        case PlannedPicture(plot=plot):
+            told += [plot.name, asdict(plot)]
+        case PlannedTable(first=first, baseline=baseline, metric=metric):
+            told += [str(first), baseline, metric]
         case PlannedJudgement(whole=whole):
             told.append(str(whole))
     return hashlib.sha256(canonical_json(told).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""What a reproduction says: before it starts how much there is to do and how long that takes, in the end where time went."""
+"""What a study reports: before it starts how much there is to do and how long that takes, in the end where time went."""
 
 from __future__ import annotations
 
@@ -8,27 +8,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.paper.expected import PICTURE_SECONDS, Cost
-from qinit_cli.paper.experiments import Artefact, PlannedFit, PlannedRun, PlannedSources
-from qinit_cli.paper.manifest import Spent
 from qinit_cli.pipeline.reporter import Reporter
+from qinit_cli.study.foresight import PICTURE_SECONDS, Cost
+from qinit_cli.study.manifest import Spent
+from qinit_cli.study.planned import STAGES, Artefact
 from qinit_store.wording import counted, magnitude
-
-KINDS: dict[type[Artefact], str] = {PlannedSources: "sources", PlannedFit: "fits", PlannedRun: "runs"}
 
 
 @dataclass(frozen=True)
 class Ahead:
     """What there is, and what is still to be done."""
 
-    target: str
-    scale: str
+    name: str
+    scale: str | None
     artefacts: tuple[Artefact, ...]
     takes: Mapping[Artefact, Cost]  # of those that are missing
     files: tuple[str, ...]  # pictures and tables
     undrawn: int  # of these
     store: Path
     jobs: int
+    schema: str = "qinit.study-check/1"
 
     @property
     def total(self) -> Cost:
@@ -43,14 +42,15 @@ class Ahead:
 
     def stages(self) -> dict[str, dict[str, Any]]:
         """Artefacts, those missing, their steps and seconds, by stage."""
-        return {kind: self._stage(kind) for kind in KINDS.values()}
+        return {kind: self._stage(kind) for kind in STAGES.values()}
 
     def told(self) -> dict[str, Any]:
         """All of it as plain values."""
         total = self.total
         return {
-            "schema": "qinit.reproduce-dry-run/1",
-            "target": self.target,
+            "schema": self.schema,
+            "name": self.name,
+            "target": self.name,
             "scale": self.scale,
             "artefacts": len(self.artefacts),
             "missing": len(self.takes),
@@ -66,7 +66,7 @@ class Ahead:
     def report(self, reporter: Reporter) -> None:
         """The same in a few lines."""
         reporter.note(
-            f"{self.target} at {self.scale} scale: {counted(len(self.artefacts), 'artefact')}, "
+            f"{self.name}{f' at {self.scale} scale' if self.scale else ''}: {counted(len(self.artefacts), 'artefact')}, "
             f"{len(self.takes)} still to be made; {len(self.files)} pictures and tables, {self.undrawn} still to be drawn",
         )
         for kind, stage in self.stages().items():
@@ -83,24 +83,27 @@ class Ahead:
             )
 
     def _stage(self, kind: str) -> dict[str, Any]:
-        missing = [each for artefact, each in self.takes.items() if KINDS[type(artefact)] == kind]
+        missing = [each for artefact, each in self.takes.items() if STAGES[type(artefact)] == kind]
         total = sum(missing, Cost())
         return {
-            "artefacts": sum(KINDS[type(artefact)] == kind for artefact in self.artefacts),
+            "artefacts": sum(STAGES[type(artefact)] == kind for artefact in self.artefacts),
             "missing": len(missing),
             "steps": round(total.steps),
             "seconds": round(total.seconds, 1),
         }
 
 
-def say_spent(target: str, spent: Mapping[str, Spent], seconds: float, reporter: Reporter) -> None:
-    """Where the time went, a line a stage."""
+def report_spent(
+    name: str, spent: Mapping[str, Spent], seconds: float, reporter: Reporter, *, complete: bool
+) -> None:
+    """Where the time went, a line a stage of which something was made."""
     width = max(len(stage) for stage in spent)
     reporter.note(f"{'':{width}}  {'made':>5}  {'seconds':>8}  {'steps':>8}")
     for stage, own in spent.items():
-        steps = magnitude(own.steps) if own.steps else ""
-        reporter.note(f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
-    reporter.note(f"{target}: complete, {duration(seconds)}")
+        if own.made:
+            steps = magnitude(own.steps) if own.steps else ""
+            reporter.note(f"{stage:{width}}  {own.made:5}  {own.seconds:8.1f}  {steps:>8}".rstrip())
+    reporter.note(f"{name}: {'complete' if complete else 'not complete'}, {duration(seconds)}")
 
 
 def duration(seconds: float) -> str:

@@ -1,0 +1,257 @@
+"""What a study shows: tables and pictures of the artefacts that its file selects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from qinit_cli.environments.family import task_count
+from qinit_cli.nearest import nearest
+from qinit_cli.study.given import Given
+from qinit_cli.study.planned import (
+    Artefact,
+    Metric,
+    PlannedFit,
+    PlannedPicture,
+    PlannedRun,
+    PlannedSources,
+    PlannedTable,
+    PlannedTuning,
+    Shown,
+)
+from qinit_store.wording import counted
+
+if TYPE_CHECKING:
+    from qinit_cli.environments import Family
+    from qinit_cli.study.reading import Planned
+
+KINDS: dict[str, type[Artefact]] = {
+    "sources": PlannedSources,
+    "fit": PlannedFit,
+    "tuning": PlannedTuning,
+    "run": PlannedRun,
+}
+METRICS: tuple[Metric, ...] = ("return", "success", "steps")
+SELECTING = ("distributions", "fits", "methods", "where")
+OF_TABLE = ("name", "figure", "title", "first", "baseline", "metric", "each", "select", *SELECTING)
+OF_PLOT = ("name", "figure", "kind", "title", "caption", "each", "select", *SELECTING)
+
+
+def pictures(entry: Given, planned: Sequence[Planned]) -> Iterator[PlannedPicture]:
+    """The picture of an entry, or one of each distribution, method or set."""
+    from qinit_cli.plots import PLOTS
+
+    kind = PLOTS[entry.values["kind"]]
+    plots = list(entry.instances(kind, [key for key in entry.values if key not in OF_PLOT]))
+    selected = select(entry, planned, tuple(KINDS[one] for one in kind.takes.kinds if one in KINDS))
+    name = entry.of("name", str) or kind.name
+    for ending, those in _each(entry, selected):
+        artefacts = tuple(one.artefact for one in those)
+        if len(artefacts) > 1 and not kind.takes.several:
+            entry.refuse(
+                f"a picture of {kind.name} takes one artefact, and {len(artefacts)} are selected; narrow it by where, or "
+                'give each = "distribution"'
+            )
+        for at, plot in enumerate(plots):
+            numbered = f"-{at + 1}" if len(plots) > 1 else ""
+            yield PlannedPicture(
+                f"{name}{ending}{numbered}",
+                entry.of("figure", str) or name,
+                plot,
+                artefacts,
+                _filled(entry.of("title", str), those),
+                _filled(entry.of("caption", str) or "{sizes}.", those) or "",
+            )
+
+
+def tables(entry: Given, planned: Sequence[Planned], study: Given) -> Iterator[PlannedTable]:
+    """The table of an entry, or one of each distribution, method or set."""
+    selected = select(entry, planned, (PlannedRun,))
+    name = entry.of("name", str) or "compare"
+    for ending, those in _each(entry, selected):
+        yield PlannedTable(
+            f"{name}{ending}",
+            entry.of("figure", str) or name,
+            tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
+            (_filled(entry.of("title", str), those) or "Methods on the same targets").replace(
+                "{first}", str(entry.of("first", int))
+            ),
+            entry.of("first", int),
+            entry.of("baseline", str) or study.of("baseline", str) or "zero",
+            _metric(entry) or _metric(study) or "return",
+        )
+
+
+def usual(planned: Sequence[Planned], study: Given) -> Iterator[Shown]:
+    """What is shown where the file names nothing: curves and a bar chart of all runs, and a table."""
+    from qinit_cli.plots.bars import BarsPlot
+    from qinit_cli.plots.curves import CurvesPlot
+
+    runs = [one for one in sorted(planned, key=lambda one: one.place) if isinstance(one.artefact, PlannedRun)]
+    if not runs:
+        return
+    artefacts = tuple(one.artefact for one in runs)
+    for kind in (CurvesPlot, BarsPlot):
+        yield PlannedPicture(kind.name, kind.name, kind(), artefacts, None, f"{sizes(runs)}.")
+    yield PlannedTable(
+        "compare",
+        "compare",
+        tuple(one for one in artefacts if isinstance(one, PlannedRun)),
+        "Methods on the same targets",
+        None,
+        study.of("baseline", str) or "zero",
+        _metric(study) or "return",
+    )
+
+
+def select(entry: Given, planned: Sequence[Planned], kinds: tuple[type[Artefact], ...]) -> list[Planned]:
+    """The artefacts of the first of the kinds that the entry selects, by distribution, method and source set; refuses none."""
+    selections = entry.tables("select")
+    for one in selections:
+        one.check_keys(SELECTING)
+    for kind in kinds:
+        those = [one for one in planned if isinstance(one.artefact, kind)]
+        found = [one for one in those if _selected(entry, one, those)]
+        if selections:
+            found = [one for one in found if any(_selected(each, one, those) for each in selections)]
+        if found:
+            return sorted(found, key=lambda one: one.place)
+    return entry.refuse(
+        "no artefact of the study is selected; widen distributions, methods, fits, where or select"
+    )
+
+
+def _selected(entry: Given, one: Planned, those: Sequence[Planned]) -> bool:
+    """Whether it has one of the names that are listed for what it has, and the values that are asked for."""
+    applying = [("distributions", one.distributions)]
+    if not isinstance(one.artefact, PlannedSources):
+        applying.append(("fits", one.fits))
+    if isinstance(one.artefact, PlannedRun):
+        applying.append(("methods", one.methods))
+    for key, names in applying:
+        listed = entry.texts(key)
+        if listed is not None and not names & set(listed):
+            return False
+    there = dict(one.settings)
+    for key, value in _flat(entry.table("where").values):
+        known = {name for each in those for name, _ in each.settings}
+        if key not in known:
+            entry.refuse(f"where names {key}; {nearest(key, sorted(known))}", "where")
+        if key not in there or there[key] not in (value if isinstance(value, list) else [value]):
+            return False
+    return True
+
+
+def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _each(entry: Given, selected: list[Planned]) -> Iterator[tuple[str, list[Planned]]]:
+    """The selection whole, or cut by `each`, with what a file's name ends with."""
+    each = entry.of("each", str)
+    if each is None:
+        yield "", selected
+        return
+    if each not in EACH:
+        entry.refuse(f"each is {each!r}; {nearest(each, EACH)}", "each")
+    cut: dict[str, list[Planned]] = {}
+    for one in selected:
+        cut.setdefault(EACH[each](one), []).append(one)
+    for ending, those in cut.items():
+        yield f"-{ending}", those
+
+
+def _distribution(one: Planned) -> str:
+    family = family_of(one.artefact)
+    return family.label.removeprefix(f"{family.name}-")
+
+
+def _method(one: Planned) -> str:
+    label = one.artefact.method.label if isinstance(one.artefact, PlannedRun) else "none"
+    return label.replace("+", "-plus-").replace(" ", "-").replace("=", "-")
+
+
+def _set(one: Planned) -> str:
+    return f"seed-{sources_of(one.artefact).learning.seed}"
+
+
+EACH = {"distribution": _distribution, "method": _method, "set": _set}
+
+
+def sources_of(artefact: Artefact) -> PlannedSources:
+    """The sources that it comes from."""
+    match artefact:
+        case PlannedSources():
+            return artefact
+        case PlannedFit(sources) | PlannedTuning(sources):
+            return sources
+        case PlannedRun(fit):
+            return fit.sources
+
+
+def family_of(artefact: Artefact) -> Family:
+    """What its sources are drawn from."""
+    return sources_of(artefact).family
+
+
+def _metric(given: Given) -> Metric | None:
+    asked = given.of("metric", str)
+    if asked is None:
+        return None
+    for metric in METRICS:
+        if metric == asked:
+            return metric
+    return given.refuse(f"metric is {asked!r}; {nearest(asked, METRICS)}", "metric")
+
+
+def _filled(text: str | None, those: Sequence[Planned]) -> str | None:
+    """A title or a caption with its sizes and names filled in."""
+    if text is None:
+        return None
+    family = family_of(those[0].artefact)
+    filled = {
+        "sizes": sizes(those),
+        "sources": sources_told(those[0]),
+        "distribution": family.label.removeprefix(f"{family.name}-").replace("-", " "),
+    }
+    for name, value in filled.items():
+        text = text.replace(f"{{{name}}}", value)
+    return text
+
+
+def sources_told(one: Planned) -> str:
+    """The sources in words."""
+    sources = sources_of(one.artefact)
+    learning = sources.learning.learning(type(sources.family))
+    count = task_count(sources.family.opened(), "source", sources.learning.tasks)
+    if sources.learning.exact:
+        return f"{counted(count, 'source task')} with exact tables"
+    return f"{counted(count, 'source task')} of {learning.episodes:,} episodes"
+
+
+def sizes(those: Sequence[Planned]) -> str:
+    """Sources and targets in words: those of the first artefact, and of optimal where it has fewer targets."""
+    first = those[0]
+    if not isinstance(first.artefact, PlannedRun):
+        return sources_told(first)
+    seeds = {sources_of(one.artefact).learning.seed for one in those}
+    sets = "one source set" if len(seeds) == 1 else f"{len(seeds)} source sets"
+    tasks, episodes = _targets(first.artefact)
+    told = f"{sets} of {sources_told(first)}; {counted(tasks, 'target')} of {episodes:,} episodes"
+    for one in those:
+        if isinstance(one.artefact, PlannedRun) and one.artefact.method.privileged:
+            fewer, _ = _targets(one.artefact)
+            if fewer < tasks:
+                return f"{told}, {one.artefact.method.label} on the first {fewer} of them"
+    return told
+
+
+def _targets(run: PlannedRun) -> tuple[int, int]:
+    """How many targets a run has, and of how many episodes."""
+    learning, family = run.learning, run.family
+    count = task_count(family.opened(), "target", learning.tasks)
+    return count, learning.episodes or family.target_learning.episodes

@@ -1,0 +1,279 @@
+"""One study from the plan to the report: what stands in the store is found, the rest is made, then all of it is shown."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from qinit_cli.errors import Interrupted
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.reporter import Reporter, Whole
+from qinit_cli.study.ahead import Ahead, report_spent
+from qinit_cli.study.drawing import Drawing, file_of, made_of
+from qinit_cli.study.folder import PROGRESS, REPORT, opened
+from qinit_cli.study.foresight import PICTURE_SECONDS, Cost, Foresight
+from qinit_cli.study.making import Maker, Place
+from qinit_cli.study.manifest import STAGES as SPENT_STAGES
+from qinit_cli.study.manifest import Kind, Spent, manifest
+from qinit_cli.study.pace import DRAWING, Pace, kind_of
+from qinit_cli.study.planned import (
+    STAGES,
+    Artefact,
+    PlannedJudgement,
+    PlannedPicture,
+    PlannedTable,
+    Shown,
+    inputs,
+    named,
+    ordered,
+)
+from qinit_cli.study.reading import Study
+from qinit_store.errors import SystemFailed
+from qinit_store.wording import counted, shell_line
+
+Entries = dict[str, dict[str, Any]]  # of the manifest, by file
+
+
+@dataclass(frozen=True)
+class Failed:
+    """An artefact that could not be made."""
+
+    artefact: Artefact
+    problem: str
+    command: str  # that tries it alone
+
+    def told(self) -> dict[str, str]:
+        """As plain values."""
+        return {"artefact": named(self.artefact), "problem": self.problem, "command": self.command}
+
+
+@dataclass
+class StudyWork:
+    """What was asked for, and how far it is."""
+
+    study: Study
+    name: str  # on its lines
+    kind: Kind
+    asked: Mapping[str, Any]  # what a folder must agree with to be gone on with
+    output: Path  # the folder
+    keeping: Keeping  # where artefacts go
+    machine: Machine
+    force: bool = False
+    paths: dict[Artefact, Path] = field(default_factory=dict)  # of what stands in the store
+    digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
+    failed: list[Failed] = field(default_factory=list)
+    spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in SPENT_STAGES})
+
+    def __post_init__(self) -> None:
+        self._maker = Maker(self.keeping, self.machine, self.study.imports)
+        self._entries: Entries = {}
+
+    @cached_property
+    def shown(self) -> dict[str, Shown]:
+        """Pictures, tables and verdicts by file."""
+        return {file_of(one): one for one in self.study.shown}
+
+    @cached_property
+    def artefacts(self) -> tuple[Artefact, ...]:
+        """All that are made, in the order in which they are made."""
+        return ordered(self.study.artefacts)
+
+    def plan(self) -> Ahead:
+        """What there is, and what is still to be done; refuses a folder that holds something else."""
+        self._folder = opened(self.output, self.kind, dict(self.asked), force=self.force)
+        self.find()
+        self._entries = {file: entry for file in self.shown if (entry := self._standing(file))}
+        missing = [one for one in self.artefacts if one not in self.paths]
+        return Ahead(
+            self.name,
+            self.study.scale,
+            self.artefacts,
+            Foresight(self.machine).expected(missing),
+            tuple(self.shown),
+            len(self.shown) - len(self._entries),
+            self.keeping.store or Path(),
+            self.machine.threads,
+        )
+
+    def find(self) -> dict[Artefact, Place]:
+        """Looks for every artefact whose inputs stand in the store; where each of these belongs."""
+        places: dict[Artefact, Place] = {}
+        for artefact in self.artefacts:
+            if all(given in self.paths for given in inputs(artefact)):
+                places[artefact] = place = self._maker.place(artefact, self.paths)
+                if place.complete:
+                    self._keep(artefact, place.path)
+        return places
+
+    def make(self, ahead: Ahead, reporter: Reporter) -> dict[str, Any]:
+        """Makes and shows what `plan` found missing; what was done, as plain values."""
+        undrawn = [file for file in self.shown if file not in self._entries]
+        if ahead.takes or undrawn or not self._folder.before.get("complete"):
+            self._complete(ahead.takes, undrawn, reporter)
+        else:
+            reporter.note(f"{self.name}: already complete")
+        return {
+            "schema": self.kind.schema.replace("/", "-run/"),
+            "path": str(self._folder.path),
+            "manifest": str(self._folder.path / self.kind.manifest),
+            "artefacts": len(self.artefacts),
+            "made": len(ahead.takes) - len(self.failed),
+            "drawn": len(undrawn),
+            "failed": [one.told() for one in self.failed],
+            "steps": sum(spent.steps for spent in self.spent.values()),
+            "seconds": {stage: round(spent.seconds, 3) for stage, spent in self.spent.items()},
+        }
+
+    def _keep(self, artefact: Artefact, path: Path) -> None:
+        from qinit_store.reading import describe
+
+        self.paths[artefact] = path
+        self.digests[artefact] = describe(path).content_sha256
+
+    def _standing(self, file: str) -> dict[str, Any] | None:
+        """The manifest's entry of a picture or table that need not be made again."""
+        shown = self.shown[file]
+        if not isinstance(shown, PlannedJudgement) and any(
+            artefact not in self.digests for artefact in shown.artefacts
+        ):
+            return None
+        return self._folder.standing(file, made_of(shown, self.digests))
+
+    def _complete(self, takes: Mapping[Artefact, Cost], undrawn: list[str], reporter: Reporter) -> None:
+        folder = self._folder
+        folder.begin()
+        started, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
+
+        def write(*, complete: bool) -> None:
+            told = manifest(
+                self.kind,
+                {**self.asked, "complete": complete, "failed": [one.told() for one in self.failed]},
+                [self._entries[file] for file in self.shown if file in self._entries],
+                [self.paths[artefact] for artefact in self.artefacts if artefact in self.paths],
+                self.spent,
+                folder.before,
+                started,
+                time.monotonic() - began,
+            )
+            folder.write_json(self.kind.manifest, told)
+
+        write(complete=False)  # from now on the folder is known as ours
+        foreseen: dict[tuple[str, ...], float] = {DRAWING: len(undrawn) * PICTURE_SECONDS}
+        for artefact, cost in takes.items():
+            kind = kind_of(artefact)
+            foreseen[kind] = foreseen.get(kind, 0.0) + cost.seconds
+        try:
+            with reporter.whole(len(takes) + len(undrawn), Pace(foreseen), folder.path / PROGRESS) as whole:
+                self._make(takes, whole)
+                self._draw(undrawn, whole)
+        except Exception:
+            write(complete=False)
+            raise
+        except Interrupted as interrupted:
+            write(complete=False)
+            raise Interrupted(
+                f"stopped: {len(self.paths)} of {len(self.artefacts)} artefacts are complete, {len(self._entries)} of "
+                f"{len(self.shown)} pictures and tables drawn; the same command goes on with the rest",
+                interrupted.exit_code,
+            ) from None
+        write(complete=not self.failed)
+        self._report()
+        report_spent(self.name, self.spent, time.monotonic() - began, reporter, complete=not self.failed)
+
+    def _make(self, takes: Mapping[Artefact, Cost], whole: Whole) -> None:
+        for artefact, each in takes.items():
+            lacking = [given for given in inputs(artefact) if given not in self.paths]
+            if lacking:
+                self._fail(artefact, f"needs {named(lacking[0])}, which failed", "", whole)
+                continue
+            with whole.thing(named(artefact), kind_of(artefact), each.seconds):
+                try:
+                    with self._counted(STAGES[type(artefact)]) as spent:
+                        made = self._maker.make(artefact, self.paths, whole)
+                        spent.steps += made.tally.steps
+                except SystemFailed:  # a full disk fails all that follows
+                    raise
+                except Exception as error:  # of any kind: one artefact of hundreds ends no study
+                    command = shell_line("qinit", *self._maker.command(artefact, self.paths))
+                    self._fail(artefact, str(error) or type(error).__name__, command, whole)
+                else:
+                    self._keep(artefact, made.path)
+
+    def _fail(self, artefact: Artefact, problem: str, command: str, reporter: Reporter) -> None:
+        self.failed.append(Failed(artefact, problem, command))
+        alone = f"; alone it is {command}" if command else ""
+        reporter.note(f"failed: {named(artefact)}: {problem}{alone}")
+
+    def _draw(self, undrawn: list[str], whole: Whole) -> None:
+        drawing = Drawing(self.paths)
+        for file in undrawn:
+            shown = self.shown[file]
+            there = [artefact for artefact in shown.artefacts if artefact in self.paths]
+            without = len(shown.artefacts) - len(there)
+            if without and not isinstance(shown, PlannedJudgement):
+                whole.note(f"{shown.name} is not drawn: {counted(without, 'artefact')} of it failed")
+                continue
+            with whole.thing(shown.name, DRAWING, PICTURE_SECONDS):
+                entry = {"name": shown.figure, "file": file, "title": shown.title or ""}
+                match shown:
+                    case PlannedPicture():
+                        with self._counted("pictures"):
+                            entry |= self._picture(shown, drawing, whole)
+                    case PlannedTable():
+                        with self._counted("tables"):
+                            entry |= self._table(shown, drawing)
+                    case PlannedJudgement():
+                        with self._counted("verdicts"):
+                            self._folder.write_json(file, drawing.verdicts(shown))
+                self._entries[file] = entry | {"made_of": made_of(shown, self.digests)}
+
+    def _picture(self, shown: PlannedPicture, drawing: Drawing, reporter: Reporter) -> dict[str, str]:
+        """Draws and saves it in both formats; its part of the manifest's entry."""
+        drawn = drawing.picture(shown)
+        for said in drawn.notes:
+            reporter.note(f"{shown.name}: {said}")
+        png = f"{shown.name}.png"
+        for file in (file_of(shown), png):
+            drawn.save(self._folder.picture(file))
+        return {"png": png, "caption": shown.caption, "alt": drawn.alt, "title": shown.title or drawn.title}
+
+    def _table(self, shown: PlannedTable, drawing: Drawing) -> dict[str, str]:
+        """Saves it as JSON, CSV and Parquet; its part of the manifest's entry."""
+        from qinit_cli.study.table_files import csv_of, parquet_of
+
+        table = drawing.table(shown)
+        self._folder.write_json(file_of(shown), table)
+        files = {"csv": f"{shown.name}.csv", "parquet": f"{shown.name}.parquet"}
+        self._folder.write(files["csv"], csv_of(table["rows"]))
+        content = parquet_of(table["rows"])
+        if content is None:
+            del files["parquet"]
+        else:
+            self._folder.write(files["parquet"], content)
+        return files
+
+    def _report(self) -> None:
+        """Writes the page, once the manifest is there."""
+        from qinit_cli import __version__
+        from qinit_cli.report.document import page
+        from qinit_cli.report.page import html
+        from qinit_cli.report.reproduced import material
+
+        made = material(self._folder.path, str(self.keeping.store), None, None)
+        self._folder.write(REPORT, html(page(made, f"qinit {__version__}")).encode())
+
+    @contextmanager
+    def _counted(self, stage: str) -> Iterator[Spent]:
+        """Counts the time, and one thing made, for that stage."""
+        began, spent = time.monotonic(), self.spent[stage]
+        try:
+            yield spent
+            spent.made += 1
+        finally:
+            spent.seconds += time.monotonic() - began
