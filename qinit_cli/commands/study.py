@@ -202,5 +202,6 @@ def run_study(
         print_path(Path(done["path"]))
     if work.failed:
         raise TasksFailed(
-            f"{counted(len(work.failed), 'artefact')} of {len(work.artefacts)} failed; the same command tries them again"
+            f"{counted(len(work.failed), 'artefact, picture or table', 'artefacts, pictures and tables')} failed; the same "
+            "command tries them again"
         )

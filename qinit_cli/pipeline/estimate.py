@@ -153,7 +153,15 @@ def _tail(curve: Any) -> float:
 
 
 def _compression(trial: Plan, rows: dict[str, Any]) -> float:
-    """Bytes on disk over bytes in memory."""
+    """Bytes on disk over bytes in memory of a task, whatever the rest of the file takes."""
+    if trial.count == 1:
+        return _image_bytes(trial, rows, 1) / trial.schema.task_bytes
+    more = _image_bytes(trial, rows, trial.count) - _image_bytes(trial, rows, 1)
+    return more / (trial.schema.task_bytes * (trial.count - 1))
+
+
+def _image_bytes(trial: Plan, rows: dict[str, Any], count: int) -> int:
+    """The size of a file of the first `count` tasks."""
     from qinit_store.digest import task_digests
     from qinit_store.encoding import Header, checked, image
     from qinit_store.schema import Schema
@@ -162,9 +170,9 @@ def _compression(trial: Plan, rows: dict[str, Any]) -> float:
     used = {name for column in columns_per_task for name in column.dims}
     axes = tuple(axis for axis in trial.schema.axes if axis.name in used)
     schema = Schema(trial.schema.kind, axes, columns_per_task)
-    ids = np.arange(trial.count)
-    columns = checked(schema, schema.task_columns, rows, trial.count)
+    ids = np.arange(count)
+    first = {name: values[:count] for name, values in rows.items()}
+    columns = checked(schema, schema.task_columns, first, count)
     digests = task_digests(schema.task_columns, ids, columns)
     header = Header(f"qinit/{schema.kind}", trial.settings.spec(), {}, ())
-    size = len(image(header, schema, ids, digests, {**columns, "task_digest": digests}))
-    return size / (schema.task_bytes * trial.count)
+    return len(image(header, schema, ids, digests, {**columns, "task_digest": digests}))

@@ -57,7 +57,7 @@ def _material(
             ("started", str(manifest["started"])),
             ("took", f"{float(manifest['seconds']):,.0f} s: {_stages(manifest['stages'])}"),
             *([] if manifest["complete"] else [("state", UNFINISHED)]),
-            *(("failed", f"{one['artefact']}: {one['problem']}") for one in manifest.get("failed", [])),
+            *(("failed", f"{one['name']}: {one['problem']}") for one in manifest.get("failed", [])),
         ],
         artefacts=artefacts,
         compared=[(str(one["title"]), _json(folder, one["file"])) for one in manifest["tables"]],

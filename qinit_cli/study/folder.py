@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,9 +29,13 @@ class Folder:
     before: dict[str, Any] = field(default_factory=dict)  # the manifest of the same settings that stood there
     replaced: dict[str, Any] = field(default_factory=dict)  # that of other settings, whose files go
 
-    def begin(self) -> None:
-        """Makes room: what is replaced is removed."""
+    def begin(self, shown: Iterable[str]) -> None:
+        """Makes room: what is replaced, and what is no longer among the files that are `shown`, is removed."""
         _remove(self.path, self.kind, self.replaced)
+        there = set(shown)
+        for entry in entries_of(self.before):
+            if entry["file"] not in there:
+                _unlink(self.path, files_of(entry))
 
     def picture(self, name: str) -> PictureFile:
         """Where the picture of this name goes."""
@@ -100,6 +105,10 @@ def _remove(path: Path, kind: Kind, manifest: dict[str, Any]) -> None:
     if not manifest:
         return
     named = [name for entry in entries_of(manifest) for name in files_of(entry)]
-    for name in (*named, *OTHERS, kind.manifest):
+    _unlink(path, [*named, *OTHERS, kind.manifest])
+
+
+def _unlink(path: Path, names: Iterable[str]) -> None:
+    for name in names:
         if Path(name).name == name:
             (path / name).unlink(missing_ok=True)

@@ -35,12 +35,12 @@ class Given:
             place = place[:-1]
         return f"{self.file}, line {self.lines[place]}" if place in self.lines else self.file
 
-    def check_keys(self, known: Iterable[str]) -> None:
-        """Refuses a key that is not known, with the nearest one."""
+    def check_keys(self, known: Iterable[str], of: str = "") -> None:
+        """Refuses a key that is not known, with the nearest one; `of` names what has these keys."""
         there = list(known)
         for key in self.values:
             if key not in there:
-                self.refuse(f"{self._titled} has no {key}; {nearest(key, there)}", key)
+                self.refuse(f"{of or self._titled} has no {key}; {nearest(key, there)}", key)
 
     @property
     def _titled(self) -> str:

@@ -34,8 +34,9 @@ from qinit_cli.study.planned import (
     PlannedTuning,
     Shown,
     Values,
+    inputs,
 )
-from qinit_cli.study.showing import OF_PLOT, OF_TABLE, pictures, tables, usual
+from qinit_cli.study.showing import OF_PLOT, OF_TABLE, family_of, pictures, tables, usual
 
 TOP = (
     "study",
@@ -143,8 +144,8 @@ class Study:
         needed = dict.fromkeys(artefact for one in shown for artefact in one.artefacts)
         whole = all(name in self.parts for name in names)
         if whole:
-            families = {_family(artefact) for artefact in needed}
-            needed |= dict.fromkeys(one.artefact for one in self.planned if _family(one.artefact) in families)
+            families = {family_of(artefact) for artefact in needed}
+            needed |= dict.fromkeys(one for one in _ends(self.planned) if family_of(one) in families)
         if any(isinstance(one, PlannedJudgement) for one in self.shown):
             shown.append(PlannedJudgement(tuple(needed), whole))
         kept = tuple(one for one in self.planned if one.artefact in needed)
@@ -157,14 +158,10 @@ class Study:
         return tuple(dict.fromkeys([*(one.artefact for one in self.planned), *shown]))
 
 
-def _family(artefact: Artefact) -> Family:
-    match artefact:
-        case PlannedSources(family):
-            return family
-        case PlannedFit(sources) | PlannedTuning(sources):
-            return sources.family
-        case PlannedRun():
-            return artefact.family
+def _ends(planned: Sequence[Planned]) -> list[Artefact]:
+    """The artefacts of which no other is made."""
+    given = {one for each in planned for one in inputs(each.artefact)}
+    return [one.artefact for one in planned if one.artefact not in given]
 
 
 @dataclass
@@ -191,6 +188,9 @@ class _Reading:
         if not planned:
             self.top.refuse("no [[distribution]] stands here; a study needs at least one")
         shown = tuple(self._shown(planned, told))
+        if self._judged():
+            judged = [*(artefact for one in shown for artefact in one.artefacts), *_ends(planned)]
+            shown = (*shown, PlannedJudgement(tuple(dict.fromkeys(judged)), whole=True))
         names = [one.name for one in shown if isinstance(one, PlannedPicture)]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             self.top.refuse(f"two pictures are called {twice[0]}; give each a name of its own")
@@ -329,7 +329,7 @@ class _Reading:
             if name not in FAMILIES:
                 entry.refuse(f"there is no family {name}; {nearest(name, FAMILIES)}", "family")
             kind = FAMILIES[name]
-            entry.check_keys([*OF_DISTRIBUTION, *_keys(kind)])
+            entry.check_keys([*OF_DISTRIBUTION, *_keys(kind)], name)
             group = entry.of("group", str)
             for family in entry.instances(kind, [key for key in entry.values if key not in OF_DISTRIBUTION]):
                 try:
@@ -399,7 +399,7 @@ class _Reading:
                 if name not in METHODS:
                     entry.refuse(f"there is no method {name}; {nearest(name, METHODS)}", "name")
                 kind = METHODS[name]
-                entry.check_keys([*OF_METHOD, *_keys(kind)])
+                entry.check_keys([*OF_METHOD, *_keys(kind)], name)
                 group = entry.of("group", str)
                 named = frozenset({name, *([group] if group else [])})
                 keys = [key for key in entry.values if key not in OF_METHOD]
@@ -455,8 +455,6 @@ class _Reading:
         for entry in self._entries("table"):
             entry.check_keys(OF_TABLE)
             yield from tables(entry, planned, told)
-        if self._judged():
-            yield PlannedJudgement(tuple(one.artefact for one in planned), whole=True)
 
     def _judged(self) -> bool:
         """Whether the paper's claims are judged: [verdicts] stands there."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import task_count
@@ -90,18 +91,24 @@ def usual(planned: Sequence[Planned], study: Given) -> Iterator[Shown]:
     runs = [one for one in sorted(planned, key=lambda one: one.place) if isinstance(one.artefact, PlannedRun)]
     if not runs:
         return
-    artefacts = tuple(one.artefact for one in runs)
+    # runs that learn otherwise stand in tables and pictures of their own
+    cut = list(_cut(runs, "targets"))
     for kind in (CurvesPlot, BarsPlot):
-        yield PlannedPicture(kind.name, kind.name, kind(), artefacts, None, f"{sizes(runs)}.")
-    yield PlannedTable(
-        "compare",
-        "compare",
-        tuple(one for one in artefacts if isinstance(one, PlannedRun)),
-        "Methods on the same targets",
-        None,
-        study.of("baseline", str) or "zero",
-        _metric(study) or "return",
-    )
+        for ending, those in cut:
+            artefacts = tuple(one.artefact for one in those)
+            yield PlannedPicture(
+                f"{kind.name}{ending}", kind.name, kind(), artefacts, None, f"{sizes(those)}."
+            )
+    for ending, those in cut:
+        yield PlannedTable(
+            f"compare{ending}",
+            "compare",
+            tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
+            f"Methods on the same targets{f', {ending[1:]}' if ending else ''}",
+            None,
+            study.of("baseline", str) or "zero",
+            _metric(study) or "return",
+        )
 
 
 def select(entry: Given, planned: Sequence[Planned], kinds: tuple[type[Artefact], ...]) -> list[Planned]:
@@ -156,13 +163,38 @@ def _each(entry: Given, selected: list[Planned]) -> Iterator[tuple[str, list[Pla
     if each is None:
         yield "", selected
         return
-    if each not in EACH:
-        entry.refuse(f"each is {each!r}; {nearest(each, EACH)}", "each")
+    if each not in (*EACH, "targets"):
+        entry.refuse(f"each is {each!r}; {nearest(each, [*EACH, 'targets'])}", "each")
+    yield from _cut(selected, each)
+
+
+def _cut(selected: Sequence[Planned], each: str) -> Iterator[tuple[str, list[Planned]]]:
+    """The selection by what `each` names, with what a file's name ends with."""
+    ending = _by_targets(selected) if each == "targets" else EACH[each]
     cut: dict[str, list[Planned]] = {}
     for one in selected:
-        cut.setdefault(EACH[each](one), []).append(one)
-    for ending, those in cut.items():
-        yield f"-{ending}", those
+        cut.setdefault(ending(one), []).append(one)
+    for name, those in cut.items():
+        yield f"-{name}" if name else "", those
+
+
+def _by_targets(selected: Sequence[Planned]) -> Callable[[Planned], str]:
+    """What names how targets are learned: the options that differ among the selection."""
+    there = [dict(one.settings) for one in selected]
+    varied = [
+        name
+        for name in dict.fromkeys(name for one in there for name in one)
+        if name.startswith("targets.")
+        and name != "targets.tasks"  # of fewer targets the first are the same
+        and len({str(one.get(name)) for one in there}) > 1
+    ]
+
+    def ending(one: Planned) -> str:
+        told = dict(one.settings)
+        words = [f"{name.removeprefix('targets.')}-{told.get(name)}" for name in varied]
+        return re.sub(r"[^A-Za-z0-9.]+", "-", "-".join(words)).strip("-")
+
+    return ending
 
 
 def _distribution(one: Planned) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from qinit_cli.errors import Interrupted
+from qinit_cli.errors import Interrupted, QinitError
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import Reporter, Whole
@@ -34,23 +34,19 @@ from qinit_cli.study.planned import (
     ordered,
 )
 from qinit_cli.study.reading import Study
-from qinit_store.errors import SystemFailed
-from qinit_store.wording import counted, shell_line
+from qinit_store.errors import StoreError, SystemFailed
+from qinit_store.wording import shell_line
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
 
 @dataclass(frozen=True)
 class Failed:
-    """An artefact that could not be made."""
+    """An artefact that could not be made, or a picture or table of which none could be drawn."""
 
-    artefact: Artefact
+    name: str
     problem: str
-    command: str  # that tries it alone
-
-    def told(self) -> dict[str, str]:
-        """As plain values."""
-        return {"artefact": named(self.artefact), "problem": self.problem, "command": self.command}
+    command: str = ""  # that tries an artefact alone
 
 
 @dataclass
@@ -125,7 +121,7 @@ class StudyWork:
             "artefacts": len(self.artefacts),
             "made": len(ahead.takes) - len(self.failed),
             "drawn": len(undrawn),
-            "failed": [one.told() for one in self.failed],
+            "failed": [asdict(one) for one in self.failed],
             "steps": sum(spent.steps for spent in self.spent.values()),
             "seconds": {stage: round(spent.seconds, 3) for stage, spent in self.spent.items()},
         }
@@ -147,13 +143,13 @@ class StudyWork:
 
     def _complete(self, takes: Mapping[Artefact, Cost], undrawn: list[str], reporter: Reporter) -> None:
         folder = self._folder
-        folder.begin()
+        folder.begin(self.shown)
         started, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
 
         def write(*, complete: bool) -> None:
             told = manifest(
                 self.kind,
-                {**self.asked, "complete": complete, "failed": [one.told() for one in self.failed]},
+                {**self.asked, "complete": complete, "failed": [asdict(one) for one in self.failed]},
                 [self._entries[file] for file in self.shown if file in self._entries],
                 [self.paths[artefact] for artefact in self.artefacts if artefact in self.paths],
                 self.spent,
@@ -190,7 +186,7 @@ class StudyWork:
         for artefact, each in takes.items():
             lacking = [given for given in inputs(artefact) if given not in self.paths]
             if lacking:
-                self._fail(artefact, f"needs {named(lacking[0])}, which failed", "", whole)
+                self._fail(Failed(named(artefact), f"needs {named(lacking[0])}, which failed"), whole)
                 continue
             with whole.thing(named(artefact), kind_of(artefact), each.seconds):
                 try:
@@ -201,37 +197,43 @@ class StudyWork:
                     raise
                 except Exception as error:  # of any kind: one artefact of hundreds ends no study
                     command = shell_line("qinit", *self._maker.command(artefact, self.paths))
-                    self._fail(artefact, str(error) or type(error).__name__, command, whole)
+                    self._fail(Failed(named(artefact), _problem(error), command), whole)
                 else:
                     self._keep(artefact, made.path)
 
-    def _fail(self, artefact: Artefact, problem: str, command: str, reporter: Reporter) -> None:
-        self.failed.append(Failed(artefact, problem, command))
-        alone = f"; alone it is {command}" if command else ""
-        reporter.note(f"failed: {named(artefact)}: {problem}{alone}")
+    def _fail(self, failed: Failed, reporter: Reporter) -> None:
+        self.failed.append(failed)
+        alone = f"; alone it is {failed.command}" if failed.command else ""
+        reporter.note(f"failed: {failed.name}: {failed.problem}{alone}")
 
     def _draw(self, undrawn: list[str], whole: Whole) -> None:
         drawing = Drawing(self.paths)
         for file in undrawn:
             shown = self.shown[file]
-            there = [artefact for artefact in shown.artefacts if artefact in self.paths]
-            without = len(shown.artefacts) - len(there)
-            if without and not isinstance(shown, PlannedJudgement):
-                whole.note(f"{shown.name} is not drawn: {counted(without, 'artefact')} of it failed")
+            lacking = [artefact for artefact in shown.artefacts if artefact not in self.paths]
+            if lacking and not isinstance(shown, PlannedJudgement):
+                self._fail(Failed(shown.name, f"needs {named(lacking[0])}, which failed"), whole)
                 continue
             with whole.thing(shown.name, DRAWING, PICTURE_SECONDS):
-                entry = {"name": shown.figure, "file": file, "title": shown.title or ""}
-                match shown:
-                    case PlannedPicture():
-                        with self._counted("pictures"):
-                            entry |= self._picture(shown, drawing, whole)
-                    case PlannedTable():
-                        with self._counted("tables"):
-                            entry |= self._table(shown, drawing)
-                    case PlannedJudgement():
-                        with self._counted("verdicts"):
-                            self._folder.write_json(file, drawing.verdicts(shown))
-                self._entries[file] = entry | {"made_of": made_of(shown, self.digests)}
+                try:
+                    self._entries[file] = self._shown(shown, file, drawing, whole)
+                except QinitError as error:
+                    self._fail(Failed(shown.name, _problem(error)), whole)
+
+    def _shown(self, shown: Shown, file: str, drawing: Drawing, reporter: Reporter) -> dict[str, Any]:
+        """Draws one; its entry in the manifest."""
+        entry: dict[str, Any] = {"name": shown.figure, "file": file, "title": shown.title or ""}
+        match shown:
+            case PlannedPicture():
+                with self._counted("pictures"):
+                    entry |= self._picture(shown, drawing, reporter)
+            case PlannedTable():
+                with self._counted("tables"):
+                    entry |= self._table(shown, drawing)
+            case PlannedJudgement():
+                with self._counted("verdicts"):
+                    self._folder.write_json(file, drawing.verdicts(shown))
+        return entry | {"made_of": made_of(shown, self.digests)}
 
     def _picture(self, shown: PlannedPicture, drawing: Drawing, reporter: Reporter) -> dict[str, str]:
         """Draws and saves it in both formats; its part of the manifest's entry."""
@@ -277,3 +279,9 @@ class StudyWork:
             spent.made += 1
         finally:
             spent.seconds += time.monotonic() - began
+
+
+def _problem(error: Exception) -> str:
+    """What is reported of an error, in one line; of one that nobody foresaw with its type."""
+    told = " ".join(str(error).split())
+    return told if isinstance(error, QinitError | StoreError) else f"{type(error).__name__}: {told}"
