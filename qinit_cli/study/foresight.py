@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 # seconds beside the learning, on one core, as docs/performance.md has them
 SOURCES_OVERHEAD, FIT_SECONDS, RUN_OVERHEAD, PICTURE_SECONDS = 0.3, 0.7, 0.1, 1.5
 LIBRARY_BYTES, MOMENTS = 14.0, 12  # of a fit, on disk: an entry of a table, and tables beside its library
-INFORMED = (
-    0.8  # the speed of targets, over that of sources: shorter runs, and starts that are read from memory
-)
+TARGET_EPISODES = 2_000  # tried of each target: all, where there are no more
+INFORMED = 0.8  # the speed from a start that is read from memory, over that from zeros
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,8 @@ class Foresight:
         targets, count = _targets(run)
         key = replace(targets, seed=0)
         if key not in self._tried:
-            fewer, tried = shortened(key)
+            tried = min(targets.learning.episodes, TARGET_EPISODES)
+            fewer = replace(key, learning=replace(key.learning, episodes=tried))
             trial, whole = from_zeros(fewer, min(count, TRIAL_TASKS)), from_zeros(key, count)
             self._tried[key] = of_task(trial, targets.learning.episodes, tried), whole.schema.task_bytes
         return self._tried[key]
