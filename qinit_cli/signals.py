@@ -29,6 +29,8 @@ IMPORTING = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_exte
 SHOW_CURSOR = b"\x1b[?25h"
 
 _received: list[int] = []  # signals that were to end this process
+_asked: list[list[int]] = []  # what the blocks of the main thread received, the innermost last
+_elsewhere: dict[int, tuple[Callable[[], None], list[int]]] = {}  # of other threads, by their lists' identity
 
 
 def exit_at_once(number: int, frame: FrameType | None) -> None:
@@ -62,11 +64,13 @@ def exit_code() -> int | None:
 def asking_first(stop: Callable[[], None]) -> Iterator[list[int]]:
     """Within the block the first signal calls `stop`, and its number is appended to the list; a second ends at once.
 
-    In another thread than the main one, which alone receives signals, nothing is appended.
+    The main thread alone receives signals. A block in another thread is asked where the main thread is in such a block too:
+    one signal stops all of them, also those that are entered after it came.
     """
     received: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield received
+        with _asked_by_the_main_thread(stop, received):
+            yield received
         return
 
     def ask(number: int, frame: FrameType | None) -> None:
@@ -74,13 +78,34 @@ def asking_first(stop: Callable[[], None]) -> Iterator[list[int]]:
             (_end_soon if before[signal.Signals(number)] is _end_soon else exit_at_once)(number, frame)
         received.append(number)
         stop()
+        for others, theirs in list(_elsewhere.values()):
+            _ask(others, theirs, number)
 
+    _asked.append(received)
     before = {number: signal.signal(number, ask) for number in ENDING}
     try:
         yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        _asked.pop()
+
+
+@contextmanager
+def _asked_by_the_main_thread(stop: Callable[[], None], received: list[int]) -> Iterator[None]:
+    _elsewhere[id(received)] = stop, received
+    try:
+        for number in _asked[-1][:1] if _asked else []:
+            _ask(stop, received, number)
+        yield
+    finally:
+        del _elsewhere[id(received)]
+
+
+def _ask(stop: Callable[[], None], received: list[int], number: int) -> None:
+    if not received:
+        received.append(number)
+        stop()
 
 
 def _end_soon(number: int, frame: FrameType | None) -> None:

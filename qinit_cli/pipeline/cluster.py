@@ -100,11 +100,45 @@ def crew(place: str, learn: Learn, watch: Watch, schema: Schema) -> Iterator[Cre
     worker's answer does not fit what it was asked; NotAllowed (4) where versions differ. Once `watch` is stopped, workers hand
     in what is finished and the rest is cancelled.
     """
-    with connected(place) as client:
-        cluster = Cluster(client, place, learn, watch, schema)
+    with _connection(place) as connection, connection.crew():
+        cluster = Cluster(connection.client, place, learn, watch, schema, connection.threads)
         with cluster:
             yield cluster.outcomes
     cluster.complain()
+
+
+@contextmanager
+def shared(place: str) -> Iterator[None]:
+    """Within the block crews at this place, in whatever thread, have one connection together and share the cluster's threads.
+
+    Errors are those of `crew`. A signal reaches makes in other threads than the main one by `signals.asking_first` around them.
+    """
+    with _LOCK:
+        there = place in _SHARED
+    if there:
+        yield
+        return
+    with connected(place) as client:
+        connection = Connection(client, place)
+        with _LOCK:
+            _SHARED[place] = connection
+        try:
+            yield
+        finally:
+            with _LOCK:
+                del _SHARED[place]
+
+
+@contextmanager
+def _connection(place: str) -> Iterator[Connection]:
+    """The connection that is shared, else one for this crew alone."""
+    with _LOCK:
+        there = _SHARED.get(place)
+    if there is not None:
+        yield there
+        return
+    with connected(place) as client:
+        yield Connection(client, place)
 
 
 @contextmanager
@@ -125,8 +159,7 @@ def connected(place: str) -> Iterator[Client]:
 
     make = partial(Ours, address, timeout=SCHEDULER_SECONDS, set_as_default=False, name="qinit")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about versions: those that matter are compared below
+        with _without_warnings():  # about versions: those that matter are compared below
             client = _within(SCHEDULER_SECONDS, make)
     except Exception as error:  # of whatever speaks there: what cannot be read ends in an error of any kind
         raise SystemFailed(
@@ -140,6 +173,13 @@ def connected(place: str) -> Iterator[Client]:
     finally:
         with suppress(OSError, RuntimeError):  # a scheduler that is gone cannot be told good-bye
             _within(CLOSE_SECONDS, partial(client.close, timeout=CLOSE_SECONDS))
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    with _WARNINGS, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _asked(address: str, seconds: float, ask: Callable[[], Result]) -> Result:
@@ -175,8 +215,8 @@ def _within(seconds: float, call: Callable[[], Result]) -> Result:
 
 def threads(place: str) -> int:
     """How many threads the cluster has now."""
-    with connected(place) as client:
-        return max(1, _asked(place, SCHEDULER_SECONDS, partial(_threads, client)))
+    with _connection(place) as connection:
+        return connection.threads()
 
 
 @cache
@@ -186,6 +226,8 @@ def versions() -> dict[str, str]:
 
 
 _LOCK = threading.Lock()
+_WARNINGS = threading.Lock()  # the filters of warnings are the process's, not a thread's
+_SHARED: dict[str, Connection] = {}  # by place
 _WATCHES: WeakValueDictionary[str, Watch] = WeakValueDictionary()  # of the runs that this worker learns for
 _STOPPED: set[str] = set()  # runs that want no more
 
@@ -208,6 +250,44 @@ def stop_there(run: str) -> None:
             watch.stop()
 
 
+class Connection:
+    """A client and how many threads its cluster has, for one crew or for several that share both."""
+
+    def __init__(self, client: Client, place: str) -> None:
+        self.client = client
+        self._count = _asked(place, SCHEDULER_SECONDS, partial(_threads, client))
+        self._counting: threading.Thread | None = None
+        self._crews = 0
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def crew(self) -> Iterator[None]:
+        """Within the block one more shares the threads."""
+        with self._lock:
+            self._crews += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._crews -= 1
+
+    def threads(self) -> int:
+        """How many threads a crew has, at least 1: the cluster may grow and shrink, and a batch waits while it has none."""
+        with self._lock:
+            if self._counting is None or not self._counting.is_alive():
+                # beside the main thread: a scheduler that is silent must not hold up the end
+                self._counting = threading.Thread(target=self._recount, daemon=True)
+                self._counting.start()
+            return max(1, -(-self._count // max(1, self._crews)))
+
+    def _recount(self) -> None:
+        time.sleep(LOOK_SECONDS)
+        if self.client.status == "running":
+            # the client may be closed meanwhile, and what answers may answer anything: the count stays as it was
+            with suppress(Exception):
+                self._count = _threads(self.client) or self._count
+
+
 def _given(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
@@ -228,16 +308,23 @@ class Answer:
 class Cluster(Executor):
     """The executor of a client, whose batches always come to an end: also when workers, or the scheduler, die."""
 
-    def __init__(self, client: Client, place: str, learn: Learn, watch: Watch, schema: Schema) -> None:
+    def __init__(
+        self,
+        client: Client,
+        place: str,
+        learn: Learn,
+        watch: Watch,
+        schema: Schema,
+        threads: Callable[[], int],
+    ) -> None:
         self._client, self._place, self._watch = client, place, watch
+        self._threads = threads  # of the cluster that are this crew's
         self._executor = client.get_executor(pure=False)
         self._errand = Errand(uuid.uuid4().hex, learn, schema, versions())
         self._sent: dict[Callable[..., Any], Any] = {}  # function: the Dask future that it is on the cluster
         self._open: dict[Future[Answer | None], Future[Any]] = {}  # ours: Dask's
         self._lock = threading.Lock()
         self._deadline = float("inf")  # of batches, once stopped
-        self._count = _asked(place, SCHEDULER_SECONDS, partial(_threads, client))
-        self._counting: threading.Thread | None = None
         self._lost: Exception | None = None
         self._unfit = False  # whether an answer did not fit
 
@@ -280,26 +367,8 @@ class Cluster(Executor):
 
     def _send(self, function: Callable[..., Any]) -> Any:
         """As a task, not as scattered data: Dask makes it again when the worker that holds it dies."""
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # that it is large, which matters to those who send it with every batch
+        with _without_warnings():  # that it is large, which matters to those who send it with every batch
             return self._client.submit(_given, function, pure=False)
-
-    def _threads(self) -> int:
-        """How many the cluster has, at least 1: it may grow and shrink, and a batch waits while it has none."""
-        if self._counting is None or not self._counting.is_alive():
-            # beside the main thread: a scheduler that is silent must not hold up the end
-            self._counting = threading.Thread(target=self._recount, daemon=True)
-            self._counting.start()
-        return max(1, self._count)
-
-    def _recount(self) -> None:
-        time.sleep(LOOK_SECONDS)
-        if self._client.status == "running":
-            # the client may be closed meanwhile, and what answers may answer anything: the count stays as it was
-            with suppress(Exception):
-                self._count = _threads(self._client) or self._count
 
     def _look(self) -> None:
         """Once stopped, tells the workers, and gives up on what takes too long."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +38,8 @@ SAVE_SECONDS = 2.0  # of learning that a power cut may cost
 SAVE_BYTES = (
     16 * 2**20
 )  # that wait in memory to be saved; with the copies that saving makes it takes four times that
+CLUSTER_BYTES = 4 * SAVE_BYTES  # a part file takes 20 ms of this process whatever is in it, measured
+SAVE_SHARE = 0.05  # of this process's time that saving may take where it makes several artefacts at once
 
 
 @dataclass
@@ -82,9 +83,7 @@ class Plan:
         """The bytes that it takes."""
         from qinit_cli.pipeline.room import Footprint
 
-        columns = [column for column in self.schema.task_columns if column.little_endian.kind == "f"]
-        real = sum(math.prod(self.schema.row_shape(one)) * one.little_endian.itemsize for one in columns)
-        return Footprint(self.count, self.schema.task_bytes, real, self.learning_bytes)
+        return Footprint(self.count, self.schema.task_bytes, self.learning_bytes)
 
 
 @dataclass(frozen=True)
@@ -179,13 +178,14 @@ def _learn_missing(
     if plan.begin is not None:
         plan.begin(artefact)
     watch = Watch()
-    waiting = _Waiting(artefact, tally)
+    waiting = _Waiting(artefact, tally, SAVE_BYTES if machine.dask is None else CLUSTER_BYTES)
     first = ""  # failure
     with (
         reporter.compiling(plan.kernel),
         _crew(plan, machine, watch) as crew,
         signals.asking_first(watch.stop) as received,
         reporter.progress(plan.what, tally.skipped, len(asked), watch) as progress,
+        waiting,
     ):
         for learned in crew(missing, _Ticking(progress, watch, reporter)):
             waiting.add(learned.ids, learned.rows)
@@ -268,24 +268,42 @@ class _Ticking:
 
 
 class _Waiting:
-    """Finished tasks that wait to be saved together: a part file each would cost more than small tasks take to learn."""
+    """Finished tasks that wait to be saved together: a part file each would cost more than small tasks take to learn.
 
-    def __init__(self, artefact: Work | HeldWork, tally: Tally) -> None:
+    Those of several artefacts wait longer: together they take one processor, whose time is not all for saving.
+    """
+
+    open: ClassVar[set[int]] = set()  # those of this process, by identity
+
+    def __init__(self, artefact: Work | HeldWork, tally: Tally, most: int) -> None:
         self._artefact, self._tally = artefact, tally
+        self._most = most  # bytes, where no other artefact is made meanwhile
         self._held: list[tuple[Integers, Rows]] = []
+        self._size = 0  # bytes held
         self._since = time.monotonic()
+        self._took = 0.0  # processor seconds of the last save
+
+    def __enter__(self) -> None:
+        self.open.add(id(self))
+
+    def __exit__(self, *error: object) -> None:
+        self.open.discard(id(self))
 
     def add(self, ids: Integers, rows: Rows) -> None:
         """Takes finished tasks, and saves once enough have come or enough time has passed."""
         if not len(ids):
             return
         self._held.append((ids, rows))
-        size = sum(values.nbytes for _, held in self._held for values in held.values())
-        if size >= SAVE_BYTES or time.monotonic() - self._since >= SAVE_SECONDS:
+        self._size += sum(values.nbytes for values in rows.values())
+        others = len(self.open) - 1
+        most = max(min(self._most, SAVE_BYTES), self._most // (1 + others))
+        seconds = SAVE_SECONDS + others * self._took / SAVE_SHARE
+        if self._size >= most or time.monotonic() - self._since >= seconds:
             self.save()
 
     def save(self) -> None:
         """Saves what is held."""
+        began = time.thread_time()
         if self._held:
             ids = np.concatenate([held for held, _ in self._held])
             names = self._held[0][1]
@@ -293,5 +311,5 @@ class _Waiting:
             self._artefact.save(rows, ids)
             self._tally.steps += int(rows["steps"].sum())
             self._tally.seconds += float(rows["seconds"].sum())
-        self._held = []
-        self._since = time.monotonic()
+        self._held, self._size = [], 0
+        self._since, self._took = time.monotonic(), time.thread_time() - began

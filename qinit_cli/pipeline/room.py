@@ -24,8 +24,7 @@ class Footprint:
     """The bytes that tasks take."""
 
     tasks: int
-    task: int  # of one, its row in the artefact
-    uncompressed: int = 0  # of that, what takes as much on the disk while tasks are learned
+    task: int  # of one, its row in the artefact; it takes as much on the disk while tasks are learned
     learning: int = 0  # what a task takes in memory while it is learned, beside its row
 
 
@@ -74,7 +73,7 @@ def check_disk(size: Footprint, count: int, where: Path) -> None:
     """SystemFailed where what is saved while tasks are learned does not fit onto the disk."""
     folder = next(one for one in (where, *where.absolute().parents) if one.is_dir())
     free = free_on_disk(folder)
-    if free is not None and (needed := count * size.uncompressed) > free:
+    if free is not None and (needed := count * size.task) > free:
         raise SystemFailed(
             f"{counted(count, 'task')} {noun(count, 'needs', 'need')} at least {sized(needed)} on the disk of {folder}, where "
             f"{sized(free)} are free; name another --store or -o, or ask for fewer --tasks"

@@ -6,10 +6,13 @@ do where steps are Python's.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -115,6 +118,8 @@ def results(
     """
     ahead = iter(waiting)
     running: set[Future[Result]] = set()
+    ended: SimpleQueue[Future[Result]] = SimpleQueue()  # wait() would look at all that run each time
+    ticked = -math.inf
     try:
         while True:
             while (
@@ -122,13 +127,28 @@ def results(
                 and len(running) < IN_FLIGHT * jobs()
                 and (batch := next(ahead, None)) is not None
             ):
-                running.add(executor.submit(learn, batch))
+                future = executor.submit(learn, batch)
+                running.add(future)
+                future.add_done_callback(ended.put)
             if not running:
                 return
-            done, running = wait(running, timeout=TICK, return_when=FIRST_COMPLETED)
-            tick()
+            done = _ended(ended, TICK)
+            if not done or time.monotonic() - ticked >= TICK:
+                tick()
+                ticked = time.monotonic()
             for future in done:
+                running.remove(future)
                 yield future.result()
     finally:
         for future in running:
             future.cancel()
+
+
+def _ended(queue: SimpleQueue[Result], seconds: float) -> list[Result]:
+    """What is in the queue, awaited for so long where it is empty."""
+    found: list[Result] = []
+    with suppress(Empty):
+        found.append(queue.get(timeout=seconds))
+        while True:
+            found.append(queue.get_nowait())
+    return found

@@ -23,6 +23,7 @@ LIBVER = ("v110", "v110")
 
 PACKING: Mapping[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": 1}
 CHUNK_BYTES = 256 * 1024
+IMAGE_ROOM = 64 * 1024  # of a part file, for what is not rows
 LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES; readers refuse 64 MiB
 
 
@@ -51,8 +52,8 @@ def write(
 
     `ids` are ascending; `blocks` yield (first row, columns with a leading task axis), so that memory is
     bounded by the block. A schema without task columns writes no task scale. `passing`: the file is there
-    until its rows are in another, and real numbers are not compressed, which would take most of the time
-    that writing takes and save a sixth of their room.
+    until its rows are in another, and its hashed columns stand there as they are: compression and checksums
+    would take nine tenths of the time that writing takes, and the digests tell what is damaged.
     """
     datasets = {axis.name: axis.values for axis in schema.axes} | dict(statics)
     content = content_sha256(schema.kind, canonical_json(header.spec), ids, digests, datasets)
@@ -60,9 +61,9 @@ def write(
     task = Axis(TASK, ids, "1", "task id")
     axes = (*([task] if schema.task_columns else []), *schema.axes)
     scales = {axis.name: _write_scale(file, axis) for axis in axes}
-    packed = {column.name: not (passing and column.little_endian.kind == "f") for column in schema.columns}
     written = {
-        column.name: _create_column(file, column, scales, packed[column.name]) for column in schema.columns
+        column.name: _create_column(file, column, scales, bare=passing and column.hashed)
+        for column in schema.columns
     }
     for column in schema.static_columns:
         written[column.name][...] = statics[column.name]
@@ -82,7 +83,9 @@ def image(
     passing: bool = False,
 ) -> bytes:
     """The bytes of a file that holds these tasks and no column without a task axis."""
-    with h5py.File("image", "w", driver="core", backing_store=False, libver=LIBVER) as file:
+    # as much memory at once as the rows take: it would grow by 64 KiB, and copy what is there
+    room = IMAGE_ROOM + sum(values.nbytes for values in rows.values())
+    with h5py.File("image", "w", driver="core", backing_store=False, libver=LIBVER, block_size=room) as file:
         write(file, header, schema, ids, digests, {}, [(0, rows)], passing=passing)
         file.flush()
         content: bytes = file.id.get_file_image()
@@ -117,16 +120,18 @@ def create(
     shape: tuple[int, ...],
     dtype: np.dtype[Any],
     *,
-    packed: bool = True,
+    bare: bool = False,
     ordered: bool = False,
 ) -> h5py.Dataset:
-    """An empty dataset with checksums, in chunks that a reader can take one by one; `ordered` as its attributes are made."""
-    if 0 in shape:
+    """An empty dataset with checksums, in chunks that a reader can take one by one; `ordered` as its attributes are made.
+
+    A `bare` one is its bytes in one piece, neither compressed nor with checksums.
+    """
+    if bare or 0 in shape:
         return file.create_dataset(name, shape, dtype, track_order=ordered)
-    packing = PACKING if packed else {}
     chunks = _chunks(shape, dtype.itemsize)
     return file.create_dataset(
-        name, shape, dtype, chunks=chunks, fletcher32=True, track_order=ordered, **packing
+        name, shape, dtype, chunks=chunks, fletcher32=True, track_order=ordered, **PACKING
     )
 
 
@@ -161,10 +166,10 @@ def _write_scale(file: h5py.File, axis: Axis) -> h5py.Dataset:
 
 
 def _create_column(
-    file: h5py.File, column: Column, scales: Mapping[str, h5py.Dataset], packed: bool
+    file: h5py.File, column: Column, scales: Mapping[str, h5py.Dataset], *, bare: bool
 ) -> h5py.Dataset:
     shape = tuple(scales[name].size for name in column.dims)
-    dataset = create(file, column.name, shape, column.little_endian, packed=packed)
+    dataset = create(file, column.name, shape, column.little_endian, bare=bare)
     for position, name in enumerate(column.dims):
         dataset.dims[position].attach_scale(scales[name])
     _describe(dataset, column.dims, column.unit, column.long_name)

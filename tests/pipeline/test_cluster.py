@@ -324,8 +324,12 @@ class KilledWorker(Exception):
     """As Dask calls it."""
 
 
+def _cluster(client: Any) -> cluster.Cluster:
+    return cluster.Cluster(client, "tcp://there:1", _learned, Watch(), SCHEMA, lambda: 2)
+
+
 def _outcomes(client: Pretended) -> tuple[list[Any], cluster.Cluster]:
-    made = cluster.Cluster(client, "tcp://there:1", _learned, Watch(), SCHEMA)
+    made = _cluster(client)
     with made:
         return list(made.outcomes(np.arange(40), lambda: None)), made
 
@@ -510,7 +514,7 @@ def test_a_scheduler_that_answers_anything_is_said_to_be_none(
 
 @pytest.mark.parametrize("told", [None, {}, {"key": 3}, {"key": ["a", "b"]}])
 def test_a_scheduler_that_names_no_worker_does_not_hide_that_an_answer_was_wrong(told: Any) -> None:
-    made = cluster.Cluster(Pretended(Future.cancel), "tcp://there:1", _learned, Watch(), SCHEMA)
+    made = _cluster(Pretended(Future.cancel))
     made._client = Lying(told=told)
     assert made._worker("key") == "a worker of the Dask cluster at tcp://there:1"
 
@@ -523,7 +527,7 @@ def test_a_scheduler_that_falls_silent_before_work_begins_ends_in_a_sentence(sil
     client = Pretended(Future.cancel)
     client.scheduler_info = lambda n_workers: raises()  # type: ignore[method-assign,assignment]  # a stand-in
     with pytest.raises(SystemFailed, match="tcp://there:1 no longer answers"):
-        cluster.Cluster(client, "tcp://there:1", _learned, Watch(), SCHEMA)
+        cluster.Connection(client, "tcp://there:1")
 
 
 def _talking(words: bytes) -> Iterator[str]:

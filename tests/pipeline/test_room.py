@@ -108,5 +108,5 @@ def test_a_file_system_that_does_not_tell_its_free_space_is_written_to(
     tmp_path: Path,
 ) -> None:
     monkeypatch.setattr(os, "statvfs", answer)
-    room.check_disk(room.Footprint(1, 10**6, 10**6), 10**9, tmp_path / "a.h5")
+    room.check_disk(room.Footprint(1, 10**6), 10**9, tmp_path / "a.h5")
     assert "free space unknown" in here("doctor", "--store", tmp_path).out

@@ -84,15 +84,16 @@ def test_every_dataset_is_compressed_and_carries_checksums(path):
             assert dataset.fletcher32
 
 
-def test_a_part_keeps_real_numbers_uncompressed_and_every_chunk_has_a_checksum(tmp_path):
+def test_a_part_keeps_what_the_digests_cover_as_it_is_and_the_rest_with_checksums(tmp_path):
     with open_work(tmp_path / "a.h5", SOURCES, spec_for()) as work:
         work.save(rows_for([0, 1]), np.array([0, 1]))
     (part,) = work_folder(tmp_path / "a.h5").glob("part-*.h5")
     with h5py.File(part) as file:
-        packed = {name for name, dataset in file.items() if dataset.compression is not None}
-        assert packed == {name for name, dataset in file.items() if dataset.dtype.kind != "f"}
-        assert {"q", "td_var"} & packed == set()
-        assert all(dataset.fletcher32 for dataset in file.values())
+        bare = {name for name, dataset in file.items() if not dataset.fletcher32}
+        assert bare == {column.name for column in SOURCES.task_columns if column.hashed}
+        assert {"q", "td_var", "visits"} <= bare
+        assert all(file[name].chunks is None for name in bare)
+        assert all(file[name].compression == "gzip" for name in file.keys() - bare)
 
 
 def test_chunks_hold_about_256_kib_of_tasks(tmp_path):
