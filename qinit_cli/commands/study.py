@@ -15,12 +15,14 @@ from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_opti
 from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import TasksFailed
 from qinit_cli.options import check, option
+from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.study.reading import Study
     from qinit_cli.study.work import StudyWork
 
+ON_A_CLUSTER = 8  # artefacts at once: those that have few tasks left do not leave workers idle
 FILE = Reference("file", "The study, such as study.toml.")
 
 
@@ -92,13 +94,39 @@ class Threads:
 
 
 @dataclass(frozen=True)
+class Spread(Threads):
+    """Where it is made."""
+
+    dask: str | None = option(
+        None,
+        "Learn on the Dask cluster of this scheduler, several artefacts at once.",
+        metavar="ADDRESS|SCHEDULER-FILE",
+        default_text="this machine",
+    )
+    at_once: int | None = option(
+        None, "Artefacts made at once.", low=1, high=64, metavar="N", default_text="1; with --dask 8"
+    )
+
+    @property
+    def machine(self) -> Machine:
+        """Where tasks are learned."""
+        return Machine(jobs=self.jobs, dask=self.dask)
+
+    @property
+    def artefacts(self) -> int:
+        """How many artefacts are made at once."""
+        return self.at_once or (ON_A_CLUSTER if self.dask is not None else 1)
+
+
+@dataclass(frozen=True)
 class AsJson:
     """How it is printed."""
 
     json: bool = option(False, "Print one JSON object.")
 
 
-SELECTION, PLACING, THREADS = Group(Selection, "Study"), Group(Placing, "Files"), Group(Threads, "Machine")
+SELECTION, PLACING = Group(Selection, "Study"), Group(Placing, "Files")
+THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
@@ -110,7 +138,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
         {
             "selection": SELECTION,
             "placing": PLACING,
-            "machine": THREADS,
+            "machine": SPREAD,
             "as_json": Group(AsJson, "Output"),
             "display": DISPLAY,
         },
@@ -125,7 +153,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
             "selection": SELECTION,
             "placing": PLACING,
             "running": Group(Running, "Files"),
-            "machine": THREADS,
+            "machine": SPREAD,
             "display": DISPLAY,
         },
         references=(FILE,),
@@ -134,11 +162,10 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
 
 
 def work_of(
-    study: Study, placing: Placing, machine: Threads, *, force: bool = False, wait: bool = False
+    study: Study, placing: Placing, machine: Spread, *, force: bool = False, wait: bool = False
 ) -> StudyWork:
     """The study in its store and its folder."""
     from qinit_cli.commands.option_groups import Output
-    from qinit_cli.pipeline.machine import Machine
     from qinit_cli.study.manifest import STUDY
     from qinit_cli.study.work import StudyWork
 
@@ -157,8 +184,9 @@ def work_of(
         asked,
         placing.folder(study),
         Output(store=placing.store, wait=wait).keeping,
-        Machine(jobs=machine.jobs),
+        machine.machine,
         force,
+        machine.artefacts,
     )
 
 
@@ -166,7 +194,7 @@ def check_study(
     file: str,
     selection: Selection,
     placing: Placing,
-    machine: Threads,
+    machine: Spread,
     as_json: AsJson,
     display: Display,
 ) -> None:
@@ -185,7 +213,7 @@ def run_study(
     selection: Selection,
     placing: Placing,
     running: Running,
-    machine: Threads,
+    machine: Spread,
     display: Display,
 ) -> None:
     """Makes what is missing and prints the folder; TasksFailed where an artefact could not be made."""

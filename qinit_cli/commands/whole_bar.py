@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,11 +15,12 @@ from typing import TYPE_CHECKING, Any, Self
 from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock, console
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.reporter import Whole
+from qinit_cli.study.pace import UnderWay
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.reporter import Progress
-    from qinit_cli.study.pace import Pace
+    from qinit_cli.study.pace import Kind, Pace
     from qinit_cli.watch import Watch
 
 WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`
@@ -34,18 +36,19 @@ class PrintedWhole(Printed):
 
 
 class WholeBar(Printed, Whole):
-    """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact."""
+    """The bar on a terminal, else a plain line at most every 30 s. A reporter of each artefact, in the thread that makes it."""
 
     def __init__(self, display: Display, count: int, pace: Pace, kept: Path) -> None:
         Printed.__init__(self, display)
         Whole.__init__(self, pace)
         self._count, self._kept = count, kept
-        self._at = 0
-        self._kind: tuple[str, ...] | None = None  # of what is being made
-        self._foreseen = 0.0  # seconds of the same
+        self._begun = 0
+        self._under_way: dict[int, UnderWay] = {}  # by thread
+        self._most = 1  # that were under way at once
+        self._lock = threading.RLock()
         self._lines = Lines(display)
         self._started = time.monotonic()
-        self._written = 0.0
+        self._written = -WRITTEN_EVERY
         self._bar: Any = None
 
     def __enter__(self) -> Self:
@@ -60,44 +63,52 @@ class WholeBar(Printed, Whole):
         self._kept.unlink(missing_ok=True)
 
     @contextmanager
-    def thing(self, what: str, kind: tuple[str, ...], foreseen: float) -> Iterator[None]:
+    def thing(self, what: str, kind: Kind, foreseen: float) -> Iterator[None]:
         """Around the making of one thing; what it took while kernels were compiled says nothing of the next."""
-        self._at += 1
-        self._kind, self._foreseen = kind, foreseen
-        before, began = announced(), time.monotonic()
-        self.show(what, 0.0)
-        yield
-        taken = time.monotonic() - began
-        if announced() > before:
-            taken = min(taken, foreseen * self.pace.factor(kind))
-        self.pace.took(kind, foreseen, taken)
-        self._kind = None
+        thread, before, began = threading.get_ident(), announced(), time.monotonic()
+        with self._lock:
+            self._begun += 1
+            self._under_way[thread] = UnderWay(what, kind, foreseen)
+            self._most = max(self._most, len(self._under_way))
+        self.show()
+        try:
+            yield
+        finally:
+            taken = time.monotonic() - began
+            with self._lock:
+                if announced() > before:
+                    taken = min(taken, foreseen * self.pace.factor(kind))
+                del self._under_way[thread]
+                self.pace.took(kind, foreseen, taken)
 
-    def show(self, what: str, share: float, rate: str = "") -> None:
-        """Shows how far it is, and that `share` of the thing that is being made is done."""
-        seconds = self.pace.left(self._kind, min(1.0, share), self._foreseen)
-        left = f"{clock(seconds)} left"
-        passed = time.monotonic() - self._started
-        self._write(what, share, seconds)
-        if self._bar is not None:
-            self._bar.update(
-                self._bar.task_ids[0],
-                completed=passed,
-                total=max(passed + seconds, 1e-9),
-                description=printable(what),
-                at=f"{self._at}/{self._count}",
-                rate=rate,
-                left=left,
-            )
-        elif self._lines.due:
-            speed = f", {rate}" if rate else ""
-            self._lines.say(f"{self._at} of {self._count}, {what}{speed}, {left}")
+    def show(self, share: float | None = None, rate: str = "") -> None:
+        """Shows how far it is, and that this `share` is done of the thing that this thread makes."""
+        with self._lock:
+            if share is not None and (own := self._under_way.get(threading.get_ident())):
+                own.share = min(1.0, share)
+            left = self.pace.left(self._under_way.values()) / self._most
+            passed = time.monotonic() - self._started
+            what = ", ".join(one.what for one in self._under_way.values())
+            self._write(left)
+            if self._bar is not None:
+                self._bar.update(
+                    self._bar.task_ids[0],
+                    completed=passed,
+                    total=max(passed + left, 1e-9),
+                    description=printable(what),
+                    at=f"{self._begun}/{self._count}",
+                    rate=rate,
+                    left=f"{clock(left)} left",
+                )
+            elif self._lines.due:
+                speed = f", {rate}" if rate else ""
+                self._lines.say(f"{self._begun} of {self._count}, {what}{speed}, {clock(left)} left")
 
     def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
         """The tasks of one artefact, as part of the whole."""
         return _Part(self, what, done, total, watch)
 
-    def _write(self, what: str, share: float, left: float) -> None:
+    def _write(self, left: float) -> None:
         """Keeps where it stands in a file, whole or not at all; a failure to do so ends nothing."""
         now = time.monotonic()
         if now - self._written < WRITTEN_EVERY:
@@ -109,10 +120,11 @@ class WholeBar(Printed, Whole):
             "host": os.uname().nodename,
             "updated": time.time(),
             "running": round(now - self._started, 1),
-            "at": self._at,
+            "begun": self._begun,
             "of": self._count,
-            "what": what,
-            "share": round(share, 4),
+            "under_way": [
+                {"what": one.what, "share": round(one.share, 4)} for one in self._under_way.values()
+            ],
             "left": round(left, 1),
         }
         beside = self._kept.with_name(f"{self._kept.name}.part")
@@ -132,7 +144,7 @@ class _Part(TaskBar):
 
     def tick(self) -> None:
         """Shows where things stand."""
-        self._whole.show(self._what, self.share, self._rate())
+        self._whole.show(self.share, self._rate())
 
 
 def _bar(display: Display) -> Any:

@@ -52,8 +52,10 @@ class Whole(Reporter):
     def thing(self, what: str, kind: tuple[str, ...], foreseen: float) -> Iterator[None]:
         """Around the making of one thing of a kind, foreseen to take so many seconds."""
         began = time.monotonic()
-        yield
-        self.pace.took(kind, foreseen, time.monotonic() - began)
+        try:
+            yield
+        finally:
+            self.pace.took(kind, foreseen, time.monotonic() - began)
 
 
 class Progress:

@@ -13,6 +13,16 @@ DRAWING: Kind = ("drawing",)
 
 
 @dataclass
+class UnderWay:
+    """One thing that is being made."""
+
+    what: str
+    kind: Kind
+    foreseen: float  # seconds
+    share: float = 0.0  # of it that is over
+
+
+@dataclass
 class Pace:
     """Seconds that were foreseen and that were taken, by kind of what is made."""
 
@@ -35,14 +45,11 @@ class Pace:
                 return self._taken[part] / self._done[part]
         return 1.0
 
-    def left(self, under_way: Kind | None = None, share: float = 0.0, own: float = 0.0) -> float:
-        """Seconds of all that is not done, of which `own` foreseen seconds are under way and this share of them is over."""
-        left = 0.0
-        for kind, foreseen in self.foreseen.items():
-            left += (foreseen - self._done[kind]) * self.factor(kind)
-        if under_way is not None:
-            left -= share * own * self.factor(under_way)
-        return max(0.0, left)
+    def left(self, under_way: Iterable[UnderWay] = ()) -> float:
+        """Seconds of all that is not done, one thing after the other."""
+        left = sum((all_of - self._done[kind]) * self.factor(kind) for kind, all_of in self.foreseen.items())
+        over = sum(one.share * one.foreseen * self.factor(one.kind) for one in under_way)
+        return max(0.0, left - over)
 
 
 def _wider(kind: Kind) -> Iterable[Kind]:

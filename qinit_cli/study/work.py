@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import Interrupted, QinitError
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
 from qinit_cli.pipeline.reporter import Reporter, Whole
+from qinit_cli.pipeline.together import together
 from qinit_cli.study.ahead import Ahead, report_spent
 from qinit_cli.study.drawing import Drawing, file_of, made_of
 from qinit_cli.study.folder import PROGRESS, REPORT, opened
@@ -36,6 +37,9 @@ from qinit_cli.study.planned import (
 from qinit_cli.study.reading import Study
 from qinit_store.errors import StoreError, SystemFailed
 from qinit_store.wording import shell_line
+
+if TYPE_CHECKING:
+    from qinit_cli.pipeline.job import Made
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
@@ -61,14 +65,21 @@ class StudyWork:
     keeping: Keeping  # where artefacts go
     machine: Machine
     force: bool = False
+    at_once: int = 1  # artefacts
     paths: dict[Artefact, Path] = field(default_factory=dict)  # of what stands in the store
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
     failed: list[Failed] = field(default_factory=list)
     spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in SPENT_STAGES})
 
     def __post_init__(self) -> None:
-        self._maker = Maker(self.keeping, self.machine, self.study.imports)
+        self._maker = Maker(self.keeping, self._share(), self.study.imports)
         self._entries: Entries = {}
+
+    def _share(self) -> Machine:
+        """How much of the machine one artefact uses."""
+        if self.at_once == 1 or self.machine.dask is not None:
+            return self.machine
+        return replace(self.machine, jobs=max(1, self.machine.threads // self.at_once))
 
     @cached_property
     def shown(self) -> dict[str, Shown]:
@@ -183,23 +194,45 @@ class StudyWork:
         report_spent(self.name, self.spent, time.monotonic() - began, reporter, complete=not self.failed)
 
     def _make(self, takes: Mapping[Artefact, Cost], whole: Whole) -> None:
-        for artefact, each in takes.items():
-            lacking = [given for given in inputs(artefact) if given not in self.paths]
-            if lacking:
-                self._fail(Failed(named(artefact), f"needs {named(lacking[0])}, which failed"), whole)
-                continue
-            with whole.thing(named(artefact), kind_of(artefact), each.seconds):
-                try:
-                    with self._counted(STAGES[type(artefact)]) as spent:
-                        made = self._maker.make(artefact, self.paths, whole)
-                        spent.steps += made.tally.steps
-                except SystemFailed:  # a full disk fails all that follows
-                    raise
-                except Exception as error:  # of any kind: one artefact of hundreds ends no study
-                    command = shell_line("qinit", *self._maker.command(artefact, self.paths))
-                    self._fail(Failed(named(artefact), _problem(error), command), whole)
-                else:
-                    self._keep(artefact, made.path)
+        calls = {artefact: partial(self._one, artefact, cost, whole) for artefact, cost in takes.items()}
+        if self.at_once == 1:
+            for artefact, call in calls.items():
+                self._take(artefact, call(), whole)
+            return
+        needs = {artefact: [given for given in inputs(artefact) if given in takes] for artefact in takes}
+        with self._connected():
+            for artefact, future in together(calls, needs, self.at_once):
+                self._take(artefact, future.result(), whole)
+
+    def _connected(self) -> AbstractContextManager[None]:
+        """One connection to the cluster for all artefacts, if they are learned on one."""
+        if self.machine.dask is None:
+            return nullcontext()
+        from qinit_cli.pipeline import cluster
+
+        return cluster.shared(self.machine.dask)
+
+    def _one(self, artefact: Artefact, cost: Cost, whole: Whole) -> Made | Failed:
+        """Makes one, in whatever thread; what was wrong where it failed."""
+        if lacking := [given for given in inputs(artefact) if given not in self.paths]:
+            return Failed(named(artefact), f"needs {named(lacking[0])}, which failed")
+        with whole.thing(named(artefact), kind_of(artefact), cost.seconds):
+            try:
+                with self._counted(STAGES[type(artefact)]) as spent:
+                    made = self._maker.make(artefact, self.paths, whole)
+                    spent.steps += made.tally.steps
+                return made
+            except SystemFailed:  # a full disk fails all that follows
+                raise
+            except Exception as error:  # of any kind: one artefact of hundreds ends no study
+                command = shell_line("qinit", *self._maker.command(artefact, self.paths))
+                return Failed(named(artefact), _problem(error), command)
+
+    def _take(self, artefact: Artefact, made: Made | Failed, whole: Whole) -> None:
+        if isinstance(made, Failed):
+            self._fail(made, whole)
+        else:
+            self._keep(artefact, made.path)
 
     def _fail(self, failed: Failed, reporter: Reporter) -> None:
         self.failed.append(failed)
