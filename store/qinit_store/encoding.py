@@ -6,6 +6,7 @@ values with fletcher32 silent. No variable-length types, but for the dimension s
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -85,7 +86,8 @@ def image(
     """The bytes of a file that holds these tasks and no column without a task axis."""
     # as much memory at once as the rows take: it would grow by 64 KiB, and copy what is there
     room = IMAGE_ROOM + sum(values.nbytes for values in rows.values())
-    with h5py.File("image", "w", driver="core", backing_store=False, libver=LIBVER, block_size=room) as file:
+    name = f"image-{threading.get_ident()}"  # HDF5 refuses a name that another thread has open
+    with h5py.File(name, "w", driver="core", backing_store=False, libver=LIBVER, block_size=room) as file:
         write(file, header, schema, ids, digests, {}, [(0, rows)], passing=passing)
         file.flush()
         content: bytes = file.id.get_file_image()
