@@ -16,7 +16,7 @@ from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.reporter import Whole
 from qinit_cli.study.pace import UnderWay
-from qinit_store.wording import printable
+from qinit_store.wording import counted, printable
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.reporter import Progress
@@ -88,7 +88,7 @@ class WholeBar(Printed, Whole):
                 own.share = min(1.0, share)
             left = self.pace.left(self._under_way.values()) / self._most
             passed = time.monotonic() - self._started
-            what = ", ".join(one.what for one in self._under_way.values())
+            what = _together([one.what for one in self._under_way.values()])
             self._write(left)
             if self._bar is not None:
                 self._bar.update(
@@ -145,6 +145,13 @@ class _Part(TaskBar):
     def tick(self) -> None:
         """Shows where things stand."""
         self._whole.show(self.share, self._rate())
+
+
+def _together(names: list[str]) -> str:
+    """What is under way, in the room of one name."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{names[0]} and {counted(len(names) - 1, 'other')}"
 
 
 def _bar(display: Display) -> Any:
