@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 DEMO := demo
 BENCH := .bench-venv
 
-.PHONY: demo test soak bench check format clean
+.PHONY: demo test soak slurm bench check format clean
 
 demo: $(VENV)/.installed ## sources, a fit, three transfers, a comparison and a picture
 	PATH="$(abspath $(BIN)):$$PATH" sh tests/demo.sh $(DEMO)
@@ -17,6 +17,9 @@ test: $(VENV)/.test ## the tests
 
 soak: $(VENV)/.test ## long soak and fault-injection runs
 	$(BIN)/python -m pytest -m soak
+
+slurm: ## a Slurm of one node on this machine, from Debian's packages, for its soak tests; as root
+	tests/slurm/one_node.sh
 
 bench: $(VENV)/.installed $(BENCH)/.installed ## qinit beside its peers, as a table of ratios in markdown
 	$(BENCH)/bin/python tests/benchmarks/ratios.py --qinit $(BIN)/qinit $(BENCH_OPTIONS)

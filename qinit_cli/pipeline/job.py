@@ -38,7 +38,6 @@ SAVE_SECONDS = 2.0  # of learning that a power cut may cost
 SAVE_BYTES = (
     16 * 2**20
 )  # that wait in memory to be saved; with the copies that saving makes it takes four times that
-CLUSTER_BYTES = 4 * SAVE_BYTES  # a part file takes 20 ms of this process whatever is in it, measured
 SAVE_SHARE = 0.05  # of this process's time that saving may take where it makes several artefacts at once
 
 
@@ -178,7 +177,7 @@ def _learn_missing(
     if plan.begin is not None:
         plan.begin(artefact)
     watch = Watch()
-    waiting = _Waiting(artefact, tally, SAVE_BYTES if machine.dask is None else CLUSTER_BYTES)
+    waiting = _Waiting(artefact, tally)
     first = ""  # failure
     with (
         reporter.compiling(plan.kernel),
@@ -275,9 +274,8 @@ class _Waiting:
 
     open: ClassVar[set[int]] = set()  # those of this process, by identity
 
-    def __init__(self, artefact: Work | HeldWork, tally: Tally, most: int) -> None:
+    def __init__(self, artefact: Work | HeldWork, tally: Tally) -> None:
         self._artefact, self._tally = artefact, tally
-        self._most = most  # bytes, where no other artefact is made meanwhile
         self._held: list[tuple[Integers, Rows]] = []
         self._size = 0  # bytes held
         self._since = time.monotonic()
@@ -296,15 +294,15 @@ class _Waiting:
         self._held.append((ids, rows))
         self._size += sum(values.nbytes for values in rows.values())
         others = len(self.open) - 1
-        most = max(min(self._most, SAVE_BYTES), self._most // (1 + others))
         seconds = SAVE_SECONDS + others * self._took / SAVE_SHARE
-        if self._size >= most or time.monotonic() - self._since >= seconds:
+        if self._size >= SAVE_BYTES or time.monotonic() - self._since >= seconds:
             self.save()
 
     def save(self) -> None:
         """Saves what is held."""
         began = time.thread_time()
         if self._held:
+            self._held.sort(key=lambda held: int(held[0][0]))  # else the store sorts copies of all rows
             ids = np.concatenate([held for held, _ in self._held])
             names = self._held[0][1]
             rows = {name: np.concatenate([rows[name] for _, rows in self._held]) for name in names}
