@@ -10,13 +10,10 @@ from typing import Literal
 
 import typer
 
-from qinit_cli.commands.console import print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
-from qinit_cli.commands.study import THREADS, Threads
+from qinit_cli.commands.study import THREADS, Threads, finish
 from qinit_cli.commands.typer_commands import add_command
-from qinit_cli.errors import TasksFailed
 from qinit_cli.options import check, option
-from qinit_store.wording import counted
 
 SHOWS = {
     "fig4": "Figure 4: heatmaps of what each initialisation starts from.",
@@ -98,7 +95,7 @@ def reproduce(
     study = Study.read(FILE, scale, asked.source_sets).only([target])
     work = StudyWork(
         study,
-        f"{target} at {asked.scale} scale",
+        target,
         REPRODUCTION,
         {
             "target": target,
@@ -118,16 +115,7 @@ def reproduce(
     from qinit_cli.commands.whole_bar import PrintedWhole
 
     reporter = PrintedWhole(display)
-    ahead.report(reporter)
     if into.dry_run:
-        return
-    done = work.make(ahead, reporter)
-    if into.json:
-        print(json.dumps(done, allow_nan=False), flush=True)
+        ahead.report(reporter)
     else:
-        print_path(Path(done["path"]))
-    if work.failed:
-        raise TasksFailed(
-            f"{counted(len(work.failed), 'artefact, picture or table', 'artefacts, pictures and tables')} failed; the same "
-            "command tries them again"
-        )
+        finish(work, ahead, reporter, as_json=into.json)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -14,15 +16,20 @@ from qinit_cli.commands.console import print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group, store_option
 from qinit_cli.commands.typer_commands import Reference, add_command
 from qinit_cli.errors import TasksFailed
+from qinit_cli.nearest import nearest
 from qinit_cli.options import check, option
 from qinit_cli.pipeline.machine import Machine
 from qinit_store.wording import counted
 
 if TYPE_CHECKING:
+    from qinit_cli.pipeline.reporter import Reporter
+    from qinit_cli.pipeline.slurm import SlurmJobs
+    from qinit_cli.study.ahead import Ahead
     from qinit_cli.study.reading import Study
     from qinit_cli.study.work import StudyWork
 
 ON_A_CLUSTER = 8  # artefacts at once: those that have few tasks left do not leave workers idle
+OF_SLURM = ("cores", "memory", "walltime", "partition", "account", "interface", "logs")
 FILE = Reference("file", "The study, such as study.toml.")
 
 
@@ -103,19 +110,70 @@ class Spread(Threads):
         metavar="ADDRESS|SCHEDULER-FILE",
         default_text="this machine",
     )
+    slurm: str | None = option(
+        None,
+        f"Learn by so many jobs of Slurm, submitted for the time of the study; KEY is one of {', '.join(OF_SLURM)}.",
+        metavar="JOBS[:KEY=VALUE,...]",
+        default_text="this machine",
+        seldom=True,
+    )
     at_once: int | None = option(
-        None, "Artefacts made at once.", low=1, high=64, metavar="N", default_text="1; with --dask 8"
+        None, "Artefacts made at once.", low=1, high=64, metavar="N", default_text="1; on a cluster 8"
     )
 
-    @property
-    def machine(self) -> Machine:
-        """Where tasks are learned."""
-        return Machine(jobs=self.jobs, dask=self.dask)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.slurm is not None and self.dask is not None:
+            raise ValueError(
+                "--slurm submits workers, and --dask names a cluster that has them; leave one of them out"
+            )
+        self._machine(self.dask)
+        self.submitted()
 
     @property
     def artefacts(self) -> int:
         """How many artefacts are made at once."""
-        return self.at_once or (ON_A_CLUSTER if self.dask is not None else 1)
+        here = self.dask is None and self.slurm is None
+        return self.at_once or (1 if here else ON_A_CLUSTER)
+
+    @contextmanager
+    def machine(self, tell: Callable[[str], None]) -> Iterator[Machine]:
+        """Where tasks are learned, for the time of a block; `tell` hears what is waited for."""
+        jobs = self.submitted()
+        if jobs is None:
+            yield self._machine(self.dask)
+            return
+        from qinit_cli.pipeline.slurm import slurm_cluster
+
+        with slurm_cluster(jobs, tell) as address:
+            yield self._machine(address)
+
+    def submitted(self) -> SlurmJobs | None:
+        """What Slurm is asked for; ValueError where --slurm is no such thing."""
+        if self.slurm is None:
+            return None
+        from qinit_cli.pipeline.slurm import SlurmJobs
+
+        count, _, rest = self.slurm.partition(":")
+        if not count.isdigit():
+            raise ValueError(
+                f"--slurm is {self.slurm!r}; write JOBS[:KEY=VALUE,...], such as 20:cores=16,walltime=04:00:00"
+            )
+        given: dict[str, Any] = {}
+        # times have colons of their own, and only the first divides
+        for part in rest.split(",") if rest else ():
+            key, _, value = part.partition("=")
+            if key not in OF_SLURM or not value:
+                raise ValueError(
+                    f"--slurm is {self.slurm!r}: {key!r} is no KEY=VALUE of it; {nearest(key, OF_SLURM)}"
+                )
+            if key == "cores" and not value.isdigit():
+                raise ValueError(f"--slurm is {self.slurm!r}: cores is a whole number")
+            given[key] = int(value) if key == "cores" else value
+        return SlurmJobs(int(count), **given)
+
+    def _machine(self, dask: str | None) -> Machine:
+        return Machine(jobs=self.jobs, dask=dask)
 
 
 @dataclass(frozen=True)
@@ -138,7 +196,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
         {
             "selection": SELECTION,
             "placing": PLACING,
-            "machine": SPREAD,
+            "machine": THREADS,
             "as_json": Group(AsJson, "Output"),
             "display": DISPLAY,
         },
@@ -162,7 +220,13 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
 
 
 def work_of(
-    study: Study, placing: Placing, machine: Spread, *, force: bool = False, wait: bool = False
+    study: Study,
+    placing: Placing,
+    machine: Machine,
+    *,
+    force: bool = False,
+    wait: bool = False,
+    at_once: int = 1,
 ) -> StudyWork:
     """The study in its store and its folder."""
     from qinit_cli.commands.option_groups import Output
@@ -177,16 +241,9 @@ def work_of(
         "source_sets": study.sets,
         "only": list(study.selected),
     }
+    keeping = Output(store=placing.store, wait=wait).keeping
     return StudyWork(
-        study,
-        study.file.name,
-        STUDY,
-        asked,
-        placing.folder(study),
-        Output(store=placing.store, wait=wait).keeping,
-        machine.machine,
-        force,
-        machine.artefacts,
+        study, study.file.name, STUDY, asked, placing.folder(study), keeping, machine, force, at_once
     )
 
 
@@ -194,14 +251,14 @@ def check_study(
     file: str,
     selection: Selection,
     placing: Placing,
-    machine: Spread,
+    machine: Threads,
     as_json: AsJson,
     display: Display,
 ) -> None:
     """Prints what there is and what is still to be made."""
     from qinit_cli.commands.console import Printed
 
-    ahead = work_of(selection.study(file), placing, machine).plan()
+    ahead = work_of(selection.study(file), placing, Machine(jobs=machine.jobs)).plan()
     if as_json.json:
         print(json.dumps(ahead.told(), allow_nan=False))
     else:
@@ -219,17 +276,22 @@ def run_study(
     """Makes what is missing and prints the folder; TasksFailed where an artefact could not be made."""
     from qinit_cli.commands.whole_bar import PrintedWhole
 
-    work = work_of(selection.study(file), placing, machine, force=running.force, wait=running.wait)
-    reporter = PrintedWhole(display)
-    ahead = work.plan()
+    study, reporter = selection.study(file), PrintedWhole(display)
+    with machine.machine(reporter.note) as there:
+        work = work_of(
+            study, placing, there, force=running.force, wait=running.wait, at_once=machine.artefacts
+        )
+        finish(work, work.plan(), reporter, as_json=running.json)
+
+
+def finish(work: StudyWork, ahead: Ahead, reporter: Reporter, *, as_json: bool) -> None:
+    """Makes what is missing, and prints the folder or one JSON object; TasksFailed where something failed."""
     ahead.report(reporter)
     done = work.make(ahead, reporter)
-    if running.json:
+    if as_json:
         print(json.dumps(done, allow_nan=False), flush=True)
     else:
         print_path(Path(done["path"]))
     if work.failed:
-        raise TasksFailed(
-            f"{counted(len(work.failed), 'artefact, picture or table', 'artefacts, pictures and tables')} failed; the same "
-            "command tries them again"
-        )
+        failed = counted(len(work.failed), "artefact, picture or table", "artefacts, pictures and tables")
+        raise TasksFailed(f"{failed} failed; the same command tries them again")

@@ -56,6 +56,7 @@ class ComparedRun:
     told_evaluations: Floats | None = None  # (T, V) likewise
     unit: str = "episodes"  # what is counted along the second axis: episodes, or greedy evaluations
     drawn: tuple[NDArray[Any], ...] = ()  # (T,) each of the targets' ids and parameters
+    tuned: bool = False  # whether its options are those that its sources chose: others from other sources
 
     @property
     def plus(self) -> bool:
@@ -101,6 +102,10 @@ class ComparedRun:
         """How those sources were drawn, learned and fitted: replicates of a source set share all of it."""
         source_set = self.settings.source_set
         return source_set.shared() | {"family": source_set.family.distribution()}
+
+    def by_tuning(self) -> ComparedRun:
+        """The run as one of a method whose options each source set chooses."""
+        return replace(self, name=f"{self.name} tuned", label=f"{_untuned(self)} tuned", tuned=True)
 
     def first(self, count: int) -> ComparedRun:
         """The run as if it had had the first `count` targets only: a task's result depends on its index alone."""
@@ -181,6 +186,11 @@ def read_runs(paths: Iterable[Path]) -> list[ComparedRun]:
         run if count[run.name] == 1 else replace(run, name=str(path.with_suffix("")))
         for path, run in found.values()
     ]
+
+
+def _untuned(run: ComparedRun) -> str:
+    """The method, and what it starts from, without its options."""
+    return run.label.partition(" ")[0]
 
 
 def _known(values: Floats | None) -> Floats | None:

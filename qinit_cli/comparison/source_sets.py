@@ -221,7 +221,7 @@ def _options(run: ComparedRun) -> tuple[str, str, str, str]:
     told = run.settings
     return (
         run.label,
-        _canonical(told.method.spec()),
+        "" if run.tuned else _canonical(told.method.spec()),
         _canonical(plain_learning(told.learning)),
         _canonical(fitted),
     )

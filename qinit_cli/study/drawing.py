@@ -69,7 +69,8 @@ class Drawing:
         for artefact in artefacts:
             if isinstance(artefact, PlannedRun) and artefact not in self._runs:
                 with open_artefact(self.paths[artefact], "run") as opened:
-                    self._runs[artefact] = ComparedRun.from_artefact(opened)
+                    run = ComparedRun.from_artefact(opened)
+                self._runs[artefact] = run if artefact.tuning is None else run.by_tuning()
         wanted = [artefact for artefact in artefacts if isinstance(artefact, PlannedRun)]
         found = [self._runs[artefact] for artefact in wanted]
         while len(self._runs) > max(KEPT, len(wanted)):

@@ -99,7 +99,7 @@ class StudyWork:
         missing = [one for one in self.artefacts if one not in self.paths]
         return Ahead(
             self.name,
-            self.study.scale,
+            self.asked["scale"],
             self.artefacts,
             Foresight(self.machine).expected(missing),
             tuple(self.shown),
