@@ -21,6 +21,7 @@ LAYERS = (
     ("qinit_cli.__main__",),
     ("qinit_cli.app",),
     ("qinit_cli.commands",),
+    ("qinit_cli.study",),
     ("qinit_cli.report", "qinit_cli.paper"),
     ("qinit_cli.plots", "qinit_cli.trackers"),
     ("qinit_cli.library",),

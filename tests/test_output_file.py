@@ -169,12 +169,13 @@ def test_what_a_table_says_of_itself_is_not_written_over_a_file_of_ones_own(
 
 
 def test_a_planted_link_in_a_reproduction_is_not_followed(tmp_path: Path) -> None:
-    from qinit_cli.paper.folder import Folder
+    from qinit_cli.study.folder import Folder
+    from qinit_cli.study.manifest import REPRODUCTION
 
     (tmp_path / "out").mkdir()
     (tmp_path / "victim").write_text("mine")
     for name in ("verdicts.json", ".verdicts.json.part"):
         (tmp_path / "out" / name).symlink_to(tmp_path / "victim")
-    Folder(tmp_path / "out").write("verdicts.json", "{}")
+    Folder(tmp_path / "out", REPRODUCTION).write("verdicts.json", b"{}")
     assert (tmp_path / "victim").read_text() == "mine"
     assert (tmp_path / "out" / "verdicts.json").read_text() == "{}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -28,7 +27,6 @@ class Drs(Plus):
     name: ClassVar[str] = "drs"
     formula: ClassVar[str] = "phi(s) = gamma^d(s); mountain-car: (x + 1.2) / 1.7 within [0, 1]"
     look: ClassVar[Look] = Look("#8C6D31", ">", "....")
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 115, "mountain-car": 850}
     privileged: ClassVar[bool] = True
 
     @property

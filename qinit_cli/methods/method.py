@@ -7,7 +7,6 @@ also read the target's parameters and return arrays with a leading target axis.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Self
 
@@ -88,10 +87,6 @@ class Method:
     )
     weighs: ClassVar[bool] = False  # whether hypotheses change its start while a task is learned
     look: ClassVar[Look] = Look()
-    # steps of an episode by family, measured at the paper's sizes: of what starts from the sources' tables, unless replaced
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 220}
-    # of the speed at which sources are learned: shorter runs, and starts that are read from memory
-    speed: ClassVar[float] = 0.8
 
     def __post_init__(self) -> None:
         check(self)  # type: ignore[arg-type]  # every concrete method is a dataclass
@@ -124,10 +119,6 @@ class Method:
     def library_wanted(self) -> int:
         """How many tables of the fit's library it asks for; 0 where as many as there are."""
         return 0
-
-    def expected_steps(self, family: str) -> float:
-        """Steps that an episode may take in the family of this name."""
-        return self.episode_steps[family]
 
     @property
     def label(self) -> str:

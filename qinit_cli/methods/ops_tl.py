@@ -6,7 +6,6 @@ policy it does not explore, as all others do; --explore-while-following takes th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -52,8 +51,6 @@ class OpsTl(Plus):
         "argmax_j W_j + c sqrt(2 ln k / n_j), followed with probability psi0 rho^(k-1) nu^t"
     )
     look: ClassVar[Look] = Look("#009E73", "d", "\\\\\\\\")
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 150, "mountain-car": 600}
-    speed: ClassVar[float] = 0.45  # policies are chosen
     reconstructed: ClassVar[bool] = True
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -24,7 +23,6 @@ class Optimal(Method):
     reference: ClassVar[bool] = True
     attains: ClassVar[bool] = True
     look: ClassVar[Look] = Look("#000000", "*", "----", ":")
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 65, "mountain-car": 170}
     needs_tables: ClassVar[bool] = True
 
     @property

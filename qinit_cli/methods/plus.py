@@ -36,11 +36,6 @@ class Plus(Method):
         """Whether the initialisation does."""
         return self.init != Zero.name
 
-    def expected_steps(self, family: str) -> float:
-        """The initialisation's, if there is one."""
-        started = self if self.init == Zero.name else initialisations()[self.init]
-        return started.episode_steps[family]
-
     @property
     def label(self) -> str:
         """The name, with what it starts from unless that is zero, and the options that are not at their default."""

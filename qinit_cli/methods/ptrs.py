@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -30,7 +29,6 @@ class Ptrs(Plus):
     name: ClassVar[str] = "ptrs"
     formula: ClassVar[str] = "phi(s) = mean_i max_a Q_i(s, a)"
     look: ClassVar[Look] = Look("#CC79A7", "<")
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 135, "mountain-car": 240}
 
     def potential(self, fit: FittedTables, targets: Targets) -> Floats:
         """mean_i max_a Q_i or max_a mean_i Q_i, (S,); 0 where no source knows the state."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,7 +17,6 @@ class Zero(Method):
     reference: ClassVar[bool] = True
     transfers: ClassVar[bool] = False
     look: ClassVar[Look] = Look("#000000")
-    episode_steps: ClassVar[Mapping[str, float]] = {"gridworld": 165, "mountain-car": 995}
 
     @property
     def reads_sources(self) -> bool:

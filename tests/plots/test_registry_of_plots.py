@@ -10,9 +10,9 @@ import pytest
 import typer
 
 from qinit_cli.commands import plot as command
-from qinit_cli.paper.experiments import PlannedPicture
 from qinit_cli.plots import PLOTS, Plot, Takes
 from qinit_cli.plots.plot import Frame
+from qinit_cli.study.planned import PlannedPicture
 
 
 def test_each_plot_is_a_subcommand_with_its_options() -> None:
@@ -48,10 +48,10 @@ def test_artefacts_are_called_by_their_kind(takes: Takes, argument: str) -> None
 
 
 def test_a_reproduction_draws_by_the_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    from qinit_cli.paper.drawing import Drawing
     from qinit_cli.plots.car import CarPlot
+    from qinit_cli.study.drawing import Drawing
 
     asked: list[tuple[list[Path], Frame]] = []
     monkeypatch.setattr(CarPlot, "drawn", lambda self, paths, frame: asked.append((list(paths), frame)))
-    Drawing({}).picture(PlannedPicture("figA1", "car", (), "The car", ""))
+    Drawing({}).picture(PlannedPicture("figA1", "figA1", CarPlot(), (), "The car", ""))
     assert asked == [([], Frame("The car"))]

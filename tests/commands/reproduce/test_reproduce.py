@@ -15,24 +15,26 @@ from typing import Any
 
 import pytest
 from ready import Ready
-from tiny import SHRUNKEN
+from tiny import small
 
 from qinit_cli.app import run
-from qinit_cli.paper import experiments
+from qinit_cli.commands import reproduce
 
 TINY_QINIT = Path(__file__).with_name("tiny.py")
 
 
-def shrink(patch: pytest.MonkeyPatch) -> None:
-    """Makes the quick scale one of seconds, on fewer distributions."""
-    for name, value in SHRUNKEN.items():
-        patch.setattr(experiments, name, value)
+@pytest.fixture(scope="module")
+def small_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's study with a quick scale of seconds, on fewer distributions."""
+    file = tmp_path_factory.mktemp("small") / "paper.toml"
+    file.write_text(small(), encoding="utf-8")
+    return file
 
 
 @pytest.fixture(autouse=True)
-def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+def tiny(monkeypatch: pytest.MonkeyPatch, small_study: Path) -> None:
     """The quick scale is small in this process."""
-    shrink(monkeypatch)
+    monkeypatch.setattr(reproduce, "FILE", small_study)
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
@@ -40,7 +42,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Path]]:
+def made(tmp_path_factory: pytest.TempPathFactory, small_study: Path) -> Callable[[str], tuple[Path, Path]]:
     """The folder and the store of a figure that was reproduced from nothing; made once, look, do not touch."""
 
     @cache
@@ -48,7 +50,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path
         top = tmp_path_factory.mktemp(figure)
         words = ["--scale", "quick", "-o", str(top / "out"), "--store", str(top / "store"), "-q"]
         with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as printed:
-            shrink(patch)
+            patch.setattr(reproduce, "FILE", small_study)
             assert run(["reproduce", figure, *words]) == 0
         assert printed.getvalue() == f"{top / 'out'}\n"
         return top / "out", top / "store"

@@ -5,23 +5,42 @@ python tiny.py reproduce fig6 --scale quick -o DIR
 
 from __future__ import annotations
 
-from qinit_cli.__main__ import main
-from qinit_cli.paper import experiments
-from qinit_cli.paper.experiments import Scale, ScaleSizes
+import tempfile
+from pathlib import Path
 
-SCALES = {
-    "quick": Scale(
-        "quick",
-        {"gridworld": ScaleSizes(12, 300, 4, 40), "mountain-car": ScaleSizes(10, 300, 4, 30)},
-        optimal=2,
-        floor=3,
-        floor_seeds=2,
-        changes={"gridworld": {"size": 6}, "mountain-car": {"bins": 10}},
-    )
-}
-SHRUNKEN = {"SCALES": SCALES, "VARIANCES": (7.0,), "NOISES": (0.01,)}
+from qinit_cli.__main__ import main
+from qinit_cli.commands import reproduce
+
+EDITS = (  # what stands in the paper's study -> what stands in the small one
+    ("variance = [1, 3, 5, 7, 10]\n", "variance = 7\nsize = 6\n"),
+    ('goals = "uniform"\n', 'goals = "uniform"\nsize = 6\n'),
+    ("noise = [0.0002, 0.005, 0.01, 0.015, 0.02]\n", "noise = 0.01\nbins = 10\n"),
+    ("noise = 0\n", "noise = 0\nbins = 10\n"),
+    ("sources = { tasks = 40, episodes = 30_000 }\n", "sources = { tasks = 12, episodes = 300 }\n"),
+    ("targets = { tasks = 40 }\n", "targets = { tasks = 4, episodes = 40 }\n"),
+    ("sources = { tasks = 30, episodes = 50_000 }\n", "sources = { tasks = 10, episodes = 300 }\n"),
+    ("targets = { tasks = 30 }\n", "targets = { tasks = 4, episodes = 30 }\n"),
+    (
+        "sources = { tasks = 10, episodes = 50_000, seed = [0, 1, 2] }\n",
+        "sources = { tasks = 3, episodes = 300, seed = [0, 1] }\n",
+    ),
+    ("targets = { tasks = 10 }\n", "targets = { tasks = 2, episodes = 30 }\n"),
+    ("first = 10\n", "first = 2\n"),
+)
+
+
+def small() -> str:
+    """The paper's study with these edits, each of which must find something to change."""
+    text = reproduce.FILE.read_text(encoding="utf-8")
+    for there, instead in EDITS:
+        assert there in text, there
+        text = text.replace(there, instead)
+    return text
+
 
 if __name__ == "__main__":
-    for name, value in SHRUNKEN.items():
-        setattr(experiments, name, value)
-    main()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "paper.toml"
+        file.write_text(small(), encoding="utf-8")
+        reproduce.FILE = file
+        main()
