@@ -64,7 +64,7 @@ def _compared(material: Material) -> Iterator[Block]:
 
 def _in_short(material: Material) -> list[Block]:
     claims = judged.findings(material.verdicts)
-    compared = [said for _, one in material.compared for said in comparison.findings(one)]
+    compared = _of_comparisons(material.compared)
     found = [*claims, *compared] if material.of_claims else [*compared, *claims]
     found += [one["sentences"][0] for one in material.tuned]
     count = Counter(artefact["kind"] for artefact in material.artefacts)
@@ -76,4 +76,15 @@ def _in_short(material: Material) -> list[Block]:
         *([Text(comparison.WORSE)] if any("worse" in said for said in found) else []),
         Text(f"All of it rests on {rests}."),
         *([Pairs(material.made)] if material.made else []),
+    ]
+
+
+def _of_comparisons(compared: Sequence[tuple[str, dict[str, Any]]]) -> list[str]:
+    """What follows from each table, behind its title where several tables are of the same targets."""
+    count = Counter(targets for _, one in compared for targets in {row["targets"] for row in one["rows"]})
+    several = any(times > 1 for times in count.values())
+    return [
+        f"{title}: {said}" if several and title else said
+        for title, one in compared
+        for said in comparison.findings(one)
     ]
