@@ -19,23 +19,15 @@ from ready import Ready, Running
 from running import run_here
 
 WORDS = ("train-sources", "gridworld", "--size", "10", "--variance", "2", "--tasks", "320", "--jobs", "1")
-EPISODES = ("--episodes", "8000")
-# qinit as it is, but for saving every finished batch at once: a signal then finds saved and missing tasks on any machine
-EAGER = (
-    "from qinit_cli.pipeline import job\n"
-    "from qinit_cli.__main__ import main\n"
-    "job.SAVE_SECONDS = 0.0\n"
-    "main()\n"
-)
+EPISODES = ("--episodes", "500")
+EAGER = Path(__file__).parents[1] / "eager.py"
 Started = Callable[..., AbstractContextManager[Running]]
 
 
 @pytest.fixture
-def eager(tmp_path: Path, ready: Ready, tmp_path_factory: pytest.TempPathFactory) -> Started:
-    """Starts such a qinit in a folder of its own."""
-    script = tmp_path_factory.mktemp("eager") / "eager.py"
-    script.write_text(EAGER)
-    return partial(ready.process, tmp_path, command=str(script))
+def eager(tmp_path: Path, ready: Ready) -> Started:
+    """Starts a qinit that waits for the signal once something is saved."""
+    return partial(ready.process, tmp_path, command=str(EAGER))
 
 
 def _parts(folder: Path) -> int:
@@ -89,14 +81,15 @@ def test_interrupted_terminated_and_killed_the_same_command_ends_with_the_same_c
 def test_an_interrupted_run_of_a_method_completes_to_the_same_content(
     tmp_path: Path, eager: Started, here: Callable[..., Any], pipeline: Any
 ) -> None:
-    words = ["transfer", "zero", str(pipeline.fit), "--tasks", "64", "--episodes", "60000", "--jobs", "1"]
+    # five batches, of which one worker has two in flight
+    words = ["transfer", "zero", str(pipeline.fit), "--tasks", "160", "--episodes", "300", "--jobs", "1"]
     with eager(*words, "-o", "a.h5") as process:
         process.wait_until(lambda: _parts(tmp_path) > 0)
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
     last = process.err.splitlines()[-1]
-    assert "of 64 tasks are saved" in last
-    assert 0 < int(last.split()[2]) < 64
+    assert "of 160 tasks are saved" in last
+    assert 0 < int(last.split()[2]) < 160
     resumed = here(*words, "-o", "a.h5", "--json", "-q")
     again = here(*words, "-o", "b.h5", "--json", "-q")
     assert resumed.json["digest"] == again.json["digest"]
@@ -204,10 +197,9 @@ def test_work_that_goes_on_is_listed_as_being_written(tmp_path: Path, here: Call
 def test_two_processes_at_once_one_works_and_the_other_exits_with_5(
     tmp_path: Path, eager: Started, here: Callable[..., Any]
 ) -> None:
-    # more than a second process needs to notice
-    words = [*WORDS, "--episodes", "1000000", "-o", "a.h5", "-q"]
+    words = [*WORDS, *EPISODES, "-o", "a.h5", "-q"]
     with eager(*words) as first:
-        first.wait_until((tmp_path / ".a.h5.work" / "spec.json").exists)
+        first.wait_until(lambda: _parts(tmp_path) > 0)
         second = here(*words)
         assert (second.code, second.out) == (5, "")
         first.send_signal(signal.SIGTERM)
