@@ -135,14 +135,14 @@ class Maker:
 
     def _run(self, run: PlannedRun, fit: Path, reporter: Reporter) -> Made:
         from qinit_cli.pipeline.job import make
-        from qinit_cli.pipeline.optimal_tables import initial_of
+        from qinit_cli.pipeline.optimal_tables import beginning_of
         from qinit_cli.pipeline.transfer import plan_of
 
         known = self._knowledge(fit)
         keeping = replace(self.keeping, command=tuple(run_command(run, fit, str(self.keeping.store))))
         targets = targets_of_run(run, known.settings.sources)
-        initial, tables = initial_of(run.method, known, targets, run.tasks, keeping, self.machine, reporter)
-        plan = plan_of(run.method, targets, initial, run.tasks, known, tables)
+        beginning = beginning_of(run.method, known, targets, run.tasks, keeping, self.machine, reporter)
+        plan = plan_of(run.method, targets, beginning, run.tasks, known)
         return make(plan, keeping, self.machine, reporter)
 
     def _knowledge(self, fit: Path) -> Knowledge:

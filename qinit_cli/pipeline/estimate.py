@@ -64,8 +64,9 @@ def foresee(
     path, count = place(plan, keeping, machine), len(share_of(plan.count, *machine.share))
     missing = max(0, count - _saved(path, plan, keeping, share=count < plan.count))
     ids = np.arange(trial.count)
-    trial.learn(ids, Watch())  # compiles, reads caches warm
-    _, rows = trial.learn(ids, Watch())
+    learn = trial.prepared.learn
+    learn(ids, Watch())  # compiles, reads caches warm
+    _, rows = learn(ids, Watch())
     per_task = rows["steps"].sum() / trial.count
     seconds = rows["seconds"].mean()
     growth = _growth(rows, episodes, tried)
