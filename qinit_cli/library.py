@@ -58,7 +58,7 @@ from qinit_cli.pipeline.job import Made, Plan, make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.knowledge import Knowledge
 from qinit_cli.pipeline.machine import OneProcess
-from qinit_cli.pipeline.optimal_tables import initial_of
+from qinit_cli.pipeline.optimal_tables import beginning_of
 from qinit_cli.pipeline.reporter import SILENT, Reporter
 from qinit_cli.pipeline.starts import start_table
 from qinit_cli.pipeline.words import option_words
@@ -510,8 +510,8 @@ def transfer(
     keeping = _keeping(store, output, words)
     learned, count = target_tasks.targets_of(chosen, asked, known.settings.sources)
     machine = _asked(OneProcess, jobs=jobs)
-    initial, tables = initial_of(chosen, known, learned, count, keeping, machine, reporter)
-    plan = target_tasks.plan_of(chosen, learned, initial, count, known, [*given, *tables])
+    beginning = beginning_of(chosen, known, learned, count, keeping, machine, reporter)
+    plan = target_tasks.plan_of(chosen, learned, beginning, count, known, given)
     return Run(_made(plan, keeping, jobs, reporter).source)
 
 

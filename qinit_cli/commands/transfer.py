@@ -12,7 +12,7 @@ from qinit_cli.commands.console import Printed, note
 from qinit_cli.commands.option_groups import DISPLAY, IMPORTS, MACHINE, OUTPUT, Display, Group, Output
 from qinit_cli.commands.typer_commands import Reference, add_command, add_each
 from qinit_cli.environments import FAMILIES, Family
-from qinit_cli.methods import METHODS, Initial, Method
+from qinit_cli.methods import METHODS, Method
 from qinit_cli.options import option, tunable
 from qinit_cli.pipeline.asked import ALL, FROM_SOURCES, LearningTargets
 from qinit_cli.pipeline.machine import Machine
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
     from qinit_cli.fitted import FittedTables
     from qinit_cli.learning import Learning
-    from qinit_cli.pipeline.job import Plan, Tally
+    from qinit_cli.pipeline.beginning import Beginning
+    from qinit_cli.pipeline.job import Made, Plan, Tally
+    from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.tasks import TargetTasks
 
 
@@ -147,32 +149,30 @@ def _transfer(
     from qinit_cli.pipeline.estimate import expected
     from qinit_cli.pipeline.job import make
     from qinit_cli.pipeline.knowledge import Knowledge
-    from qinit_cli.pipeline.optimal_tables import initial_of
-    from qinit_cli.pipeline.transfer import learned, plan_of, projection_numbers, targets_of
+    from qinit_cli.pipeline.optimal_tables import beginning_of
+    from qinit_cli.pipeline.transfer import learned, plan_of, targets_of
 
     known = Knowledge.read(path)
     method, choice = tuned.applied(method, output, known.family)
     targets, count = targets_of(method, learning, known.settings.sources)
     _say_overrides(targets.learning, known.settings.sources.learning, display)
     _say_limits(method, known.fit, targets.family, display)
-    initial, tables = initial_of(
+    beginning = beginning_of(
         method, known, targets, count, output.keeping, machine, Printed(display), trial=output.dry_run
     )
 
     def plan(targets: TargetTasks, count: int) -> Plan:
-        return plan_of(method, targets, initial, count, known, [*choice, *tables])
+        return plan_of(method, targets, beginning, count, known, choice)
 
     if output.dry_run:
         say_expected(expected(plan, targets, count, output.keeping, machine), output, display)
         return
-    wanted = plan(targets, count)
-    made = make(wanted, output.keeping, machine, Printed(display))
+    made = make(plan(targets, count), output.keeping, machine, Printed(display))
     found = learned(made, targets, known.fit)
     unsolvable = found.unsolvable
-    projected = projection_numbers(known.family, wanted.statics)
-    made.tally.extra.update(
-        filled=initial.filled, clipped=initial.clipped, unsolvable=unsolvable, **projected
-    )
+    made.tally.extra.update(unsolvable=unsolvable)
+    if output.json or not made.complete_before:
+        made.tally.extra.update(_start_numbers(made, method, beginning, known))
     warn(
         made,
         targets.family.warning,
@@ -181,7 +181,7 @@ def _transfer(
     )
     label = targets.label_of(method)
     already = f"{label}, {counted(made.tally.tasks, 'target')}: already complete"
-    sentence = already if made.complete_before else _summary(label, initial, made.tally, unsolvable)
+    sentence = already if made.complete_before else _summary(label, made.tally)
     say_result(made, "qinit.transfer/1", told + sentence, output, display)
 
 
@@ -202,7 +202,21 @@ def _say_limits(method: Method, fit: FittedTables, family: Family, display: Disp
         note(display, f"{method.name} was to choose among {asked} sources; this fit keeps {there}")
 
 
-def _summary(label: str, initial: Initial, tally: Tally, unsolvable: int) -> str:
+def _start_numbers(made: Made, method: Method, beginning: Beginning, known: Knowledge) -> dict[str, float]:
+    """What was filled and clipped of the start, and the error of its projection onto tiles.
+
+    Of a complete run nothing is made or learned again for it: what a privileged method made is no longer counted.
+    """
+    from qinit_cli.pipeline.transfer import projected
+
+    if made.complete_before and method.privileged:
+        return {}
+    initial = beginning.initial
+    return {"filled": initial.filled, "clipped": initial.clipped, **projected(made, known.family)}
+
+
+def _summary(label: str, tally: Tally) -> str:
+    filled, clipped, unsolvable = (tally.extra[name] for name in ("filled", "clipped", "unsolvable"))
     learned = tally.tasks - tally.skipped - tally.failed
     sentence = f"{label}: {counted(learned, 'target')} learned"
     sentence += f", {magnitude(tally.steps)} steps in {plain(tally.seconds)} kernel seconds"
@@ -210,11 +224,11 @@ def _summary(label: str, initial: Initial, tally: Tally, unsolvable: int) -> str
         sentence += (
             f"; {counted(unsolvable, 'target')} cannot be solved, and {noun(unsolvable, 'stays', 'stay')}"
         )
-    if initial.filled:
-        sentence += f"; {counted(initial.filled, 'state-action')} that no source knows {noun(initial.filled, 'was', 'were')} "
+    if filled:
+        sentence += f"; {counted(filled, 'state-action')} that no source knows {noun(filled, 'was', 'were')} "
         sentence += "filled"
-    if initial.clipped:
-        sentence += f"; {counted(initial.clipped, 'starting value')} clipped to [0, 1]"
+    if clipped:
+        sentence += f"; {counted(clipped, 'starting value')} clipped to [0, 1]"
     return sentence + _projected(tally.extra)
 
 

@@ -180,7 +180,7 @@ def _say_expected(
         plan,
         settings=replace(plan.settings, tasks=TRIAL_TASKS),
         schema=tuning_schema(tuple(values), len(some)),
-        learn=lambda ids, watch: fewer(usable[ids], watch),
+        prepare=lambda: replace(plan.prepared, learn=lambda ids, watch: fewer(usable[ids], watch)),
     )
     episodes = validation.targets.learning.episodes
     expected = foresee(plan, trial, episodes, episodes, output.keeping, machine)

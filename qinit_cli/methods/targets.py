@@ -34,8 +34,13 @@ class Targets:
 
 def no_tables(family: Family) -> Floats:
     """The tables of no target, (0, S, A)."""
+    return zero_tables(family, 0)
+
+
+def zero_tables(family: Family, count: int) -> Floats:
+    """Zeros in the place of the tables of so many targets, (T, S, A)."""
     import math
 
     import numpy as np
 
-    return np.empty((0, math.prod(family.shape), len(family.actions)))
+    return np.zeros((count, math.prod(family.shape), len(family.actions)))

@@ -23,7 +23,7 @@ from qinit_cli.methods import Method
 from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline.asked import CrossValidating
 from qinit_cli.pipeline.fitting import selection_of
-from qinit_cli.pipeline.job import Plan
+from qinit_cli.pipeline.job import Plan, Prepared
 from qinit_cli.pipeline.sources import by_learner, check_learned, in_names
 from qinit_cli.pipeline.transfer import check_counted, check_together, learn_targets, learning_bytes
 from qinit_cli.pipeline.tuning import Grid, with_parameters
@@ -82,13 +82,15 @@ def plan_of(source: Artefact, method: Method, validation: CrossValidation, value
         settings=settings,
         family=family,
         schema=tuning_schema(tuple(values), len(tried), bounds_of(family, learning.gamma)),
-        learn=validation,
-        kernel=f"{family.name} targets{by_learner(learning)}",
+        prepare=lambda: Prepared(
+            learn=validation,
+            kernel=f"{family.name} targets{by_learner(learning)}",
+            inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
+            statics=parameters_of(tried, tuple(values)),
+        ),
         what=counted(len(tried), "candidate"),
         read=source if isinstance(source, Held) else source.path,
-        inputs=[{"role": "sources", "name": source.path.stem, "content_sha256": source.content_sha256}],
         learning_bytes=learning_bytes(learning.episodes),
-        statics=parameters_of(tried, tuple(values)),
     )
 
 

@@ -78,10 +78,11 @@ def of_task(trial: Plan, episodes: int, tried: int) -> OfTask:
 
     check_memory(trial.footprint, trial.count, 1)
     ids = np.arange(trial.count)
-    if trial.kernel not in _warm:
-        trial.learn(ids, Watch())  # compiles, reads caches warm
-        _warm.add(trial.kernel)
-    _, rows = trial.learn(ids, Watch())
+    ready = trial.prepared
+    if ready.kernel not in _warm:
+        ready.learn(ids, Watch())  # compiles, reads caches warm
+        _warm.add(ready.kernel)
+    _, rows = ready.learn(ids, Watch())
     growth = _growth(rows, episodes, tried)
     return OfTask(
         steps=float(rows["steps"].sum() / trial.count * growth),

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -54,6 +55,16 @@ class Tally:
 
 
 @dataclass(frozen=True)
+class Prepared:
+    """What tasks are learned from, and what is published beside their rows."""
+
+    learn: Learn  # the rows of some tasks
+    kernel: str  # name of the compiled code that it needs: one choice of kernel and features
+    inputs: Sequence[Mapping[str, str]] = ()
+    statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
+
+
+@dataclass(frozen=True)
 class Plan:
     """An artefact of tasks that is to be made."""
 
@@ -61,13 +72,10 @@ class Plan:
     settings: SourcesSettings | RunSettings | TuningSettings
     family: Family  # of what is learned
     schema: Schema
-    learn: Learn  # the rows of some tasks
-    kernel: str  # name of the compiled code that it needs: one choice of kernel and features
+    prepare: Callable[[], Prepared]  # what may take long: pilots, projections, the targets' own tables
     what: str  # on the line of progress
     read: Path | Held | None = None  # the artefact it is made from
-    inputs: Sequence[Mapping[str, str]] = ()
     learning_bytes: int = 0  # in memory, of a task while it is learned, beside its row
-    statics: Mapping[str, Any] = field(default_factory=dict)  # datasets without a task axis
     begin: Callable[[Work | HeldWork], None] | None = (
         None  # given the work before a task is learned: what was saved may matter
     )
@@ -76,6 +84,11 @@ class Plan:
     def count(self) -> int:
         """How many tasks there are."""
         return self.settings.tasks
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """What learning takes, made once, when it is first asked for: a complete artefact needs none of it."""
+        return self.prepare()
 
     @property
     def footprint(self) -> Footprint:
@@ -128,7 +141,10 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
                 None if machine.dask else machine.threads,
             )
             tally = _learn_missing(artefact, asked, missing, plan, machine, reporter, keeping.command)
-            artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
+            ready = plan.prepared
+            artefact.finish(
+                artefact.saved, statics=ready.statics, provenance=origin, inputs=list(ready.inputs)
+            )
     return made(path, artefact, tally, complete)
 
 
@@ -170,6 +186,7 @@ def _learn_missing(
     from qinit_cli.watch import Watch
     from qinit_store.held import HeldWork
 
+    ready = plan.prepared
     tally = Tally(tasks=len(asked), skipped=len(asked) - len(missing))
     _report_what_is_there(artefact, tally, reporter)
     if machine.dask is None and len(missing):  # workers elsewhere have caches of their own
@@ -180,7 +197,7 @@ def _learn_missing(
     waiting = _Waiting(artefact, tally)
     first = ""  # failure
     with (
-        reporter.compiling(plan.kernel),
+        reporter.compiling(ready.kernel),
         _crew(plan, machine, watch) as crew,
         signals.asking_first(watch.stop) as received,
         reporter.progress(plan.what, tally.skipped, len(asked), watch) as progress,
@@ -212,20 +229,19 @@ def _crew(plan: Plan, machine: Machine, watch: Watch) -> AbstractContextManager[
     from qinit_cli.environments.family import is_in_python
     from qinit_cli.environments.modules import travelling
 
+    learn = plan.prepared.learn
     if machine.dask is not None:
         from qinit_cli.pipeline import cluster
 
-        return cluster.crew(
-            machine.dask, travelling(plan.learn, plan.settings.family.options), watch, plan.schema
-        )
+        return cluster.crew(machine.dask, travelling(learn, plan.settings.family.options), watch, plan.schema)
     if machine.processes and machine.threads > 1 and is_in_python(plan.family):
         from qinit_cli.pipeline.processes import processes_here
 
-        travels = travelling(plan.learn, plan.settings.family.options)
-        return processes_here(machine.threads, plan.learn, travels, plan.family, watch)
+        travels = travelling(learn, plan.settings.family.options)
+        return processes_here(machine.threads, learn, travels, plan.family, watch)
     from qinit_cli.pipeline.workers import threads_here
 
-    return threads_here(machine.threads, plan.learn, watch)
+    return threads_here(machine.threads, learn, watch)
 
 
 def _failure(task: int, said: str, plan: Plan, command: Sequence[str]) -> str:

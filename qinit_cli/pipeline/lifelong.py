@@ -20,6 +20,7 @@ from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.fitted import FittedTables
 from qinit_cli.methods import Initial, Method
 from qinit_cli.pipeline.asked import Living
+from qinit_cli.pipeline.beginning import Beginning
 from qinit_cli.pipeline.fit import pair_statistics
 from qinit_cli.pipeline.job import Plan
 from qinit_cli.pipeline.transfer import learn_targets, plan_of
@@ -183,7 +184,7 @@ def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: i
             f"is left in them; give --min-visits {targets.known_at} too"
         )
     lifetime = Lifetime(method, targets, known.fit, living.visits)
-    plain = plan_of(method, targets, lifetime.initial, count, known, [])
+    plain = plan_of(method, targets, Beginning.known(lifetime.initial), count, known)
     label = f"{targets.label_of(method)} updated"
     settings = RunSettings.of(method, targets, count, known.content_sha256, known.settings)
     stored = replace(settings.method, label=label, min_visits=living.visits)
@@ -195,7 +196,7 @@ def lifetime_plan(method: Method, living: Living, targets: TargetTasks, count: i
         plain,
         stem=f"{plain.stem}-updated",
         settings=replace(settings, method=stored),
-        learn=lifetime,
+        prepare=lambda: replace(plain.prepared, learn=lifetime),
         what=label,
         begin=begin,
     )

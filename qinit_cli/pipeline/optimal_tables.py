@@ -10,7 +10,8 @@ import numpy as np
 
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.errors import TasksFailed
-from qinit_cli.methods.targets import no_tables
+from qinit_cli.methods.targets import no_tables, zero_tables
+from qinit_cli.pipeline.beginning import Beginning
 from qinit_cli.pipeline.job import make
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from qinit_cli.tasks import TargetTasks
 
 
-def initial_of(
+def beginning_of(
     method: Method,
     known: Knowledge,
     targets: TargetTasks,
@@ -38,17 +39,24 @@ def initial_of(
     reporter: Reporter = SILENT,
     *,
     trial: bool = False,
-) -> tuple[Initial, list[dict[str, str]]]:
-    """What a method starts so many targets from, and the artefact of their own tables, if it needed one, as an input.
+) -> Beginning:
+    """What a method starts so many targets from, with the artefact of their own tables, if it needed one, as an input.
 
-    `keeping` is that of the run. In a `trial` tables that would have to be learned are zeros. SystemFailed where arrays for each
-    target do not fit into memory.
+    `keeping` is that of the run. In a `trial` tables that would have to be learned are zeros. Of a privileged method the arrays
+    are made late, with SystemFailed where they do not fit into memory: there may be many, and tables to learn first.
     """
-    if method.privileged:  # its arrays have a leading target axis
+    if not method.privileged:
+        return Beginning.known(method.initial(known.fit, targets.targets(count, no_tables(targets.family))))
+
+    def make() -> tuple[Initial, list[dict[str, str]]]:
+        # they have a leading target axis
         check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
-    tables = OptimalTables(targets, count, known.settings.sources, keeping, machine, reporter, trial)
-    initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
-    return initial, tables.inputs
+        tables = OptimalTables(targets, count, known.settings.sources, keeping, machine, reporter, trial)
+        initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
+        return initial, tables.inputs
+
+    unlearned = zero_tables(targets.family, 1) if method.needs_tables else no_tables(targets.family)
+    return Beginning(method.initial(known.fit, targets.targets(1, unlearned)), make)
 
 
 @dataclass
@@ -104,7 +112,7 @@ class OptimalTables:
         self.reporter.note(
             f"optimal would first learn the tables of {counted(self.count, 'target')}, which takes what as many sources take",
         )
-        return np.zeros((self.count, math.prod(self.targets.family.shape), len(self.targets.family.actions)))
+        return zero_tables(self.targets.family, self.count)
 
     def _in_store(self) -> Keeping:
         """The tables go to the store under their own name, whatever was asked of the run."""

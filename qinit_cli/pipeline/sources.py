@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from qinit_cli.arrays import Floats, Integers, Tasks
     from qinit_cli.pipeline.asked import LearningSources
-    from qinit_cli.pipeline.job import Plan
+    from qinit_cli.pipeline.job import Plan, Prepared
     from qinit_cli.watch import Watch
 
 Rows = dict[str, Any]  # column name: array with a leading task axis
@@ -67,20 +67,28 @@ def plan_of(tasks: SourceTasks, count: int) -> Plan:
     """The artefact that holds these tasks, learned to the end."""
     from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.pipeline.job import Plan
-    from qinit_cli.pipeline.probes import probes_of, with_probes
 
-    tasks = with_probes(tasks)
-    exact = tasks.learner == "exact"
     role = "" if tasks.role == "source" else "-targets"
     return Plan(
         stem=f"{tasks.family.label}{in_names(tasks.learner)}{role}-{count}-seed-{tasks.seed}",
         settings=SourcesSettings.of(tasks, count),
         family=tasks.family,
         schema=_schema(tasks),
-        learn=partial(learn_sources, tasks),
-        kernel=f"{tasks.family.name} {'exact tables' if exact else f'sources{by_learner(tasks.learning)}'}",
+        prepare=partial(_prepared, tasks),
         what="sources" if tasks.role == "source" else "optimal tables",
-        statics=probes_of(tasks.family),
+    )
+
+
+def _prepared(tasks: SourceTasks) -> Prepared:
+    """How the tasks are learned, with the probes of tiles, which pilots are learned for."""
+    from qinit_cli.pipeline.job import Prepared
+    from qinit_cli.pipeline.probes import probes_of, with_probes
+
+    exact, placed = tasks.learner == "exact", with_probes(tasks)
+    return Prepared(
+        learn=partial(learn_sources, placed),
+        kernel=f"{tasks.family.name} {'exact tables' if exact else f'sources{by_learner(tasks.learning)}'}",
+        statics=probes_of(placed.family),
     )
 
 

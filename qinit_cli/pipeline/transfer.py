@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from qinit_cli.artefacts.settings import SourcesSettings
     from qinit_cli.fitted import FittedTables
     from qinit_cli.pipeline.asked import LearningTargets
+    from qinit_cli.pipeline.beginning import Beginning
     from qinit_cli.pipeline.degenerate import TargetsLearned
-    from qinit_cli.pipeline.job import Made, Plan
+    from qinit_cli.pipeline.job import Made, Plan, Prepared
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.watch import Watch
 
@@ -132,29 +133,38 @@ def stem_of(method: Method, targets: TargetTasks, count: int) -> str:
 def plan_of(
     method: Method,
     targets: TargetTasks,
-    initial: Initial,
+    beginning: Beginning,
     count: int,
     known: Knowledge,
-    more: list[dict[str, str]],
+    more: Sequence[Mapping[str, str]] = (),
 ) -> Plan:
-    """The run of so many targets from what the method starts them with; `more` are inputs beside the fit."""
+    """The run of so many targets from what the method starts them with; `more` are inputs beside the fit and the tables."""
     from qinit_cli.artefacts.settings import RunSettings
     from qinit_cli.pipeline.job import Plan
 
-    inputs = [known.given, *more]
     if isinstance(targets.family, TiledFamily) and isinstance(known.family, TiledFamily):
         targets = replace(targets, family=targets.family.placed(known.family.at))
     return Plan(
         stem=stem_of(method, targets, count),
         settings=RunSettings.of(method, targets, count, known.content_sha256, known.settings),
         family=targets.family,
-        schema=_schema(targets, initial),
-        learn=partial(learn_targets, targets, initial),
-        kernel=_kernel(targets, initial),
+        schema=_schema(targets, beginning.outline),
+        prepare=partial(_prepared, targets, beginning, [known.given, *more]),
         what=targets.label_of(method),
         read=known.source,
-        inputs=inputs,
         learning_bytes=learning_bytes(targets.learning.episodes),
+    )
+
+
+def _prepared(targets: TargetTasks, beginning: Beginning, inputs: Sequence[Mapping[str, str]]) -> Prepared:
+    """How the targets are learned, with the arrays that the method makes and their projection onto tiles."""
+    from qinit_cli.pipeline.job import Prepared
+
+    initial = beginning.initial
+    return Prepared(
+        learn=partial(learn_targets, targets, initial),
+        kernel=_kernel(targets, initial),
+        inputs=[*inputs, *beginning.inputs],
         statics=statics(initial, targets.family),
     )
 
@@ -165,7 +175,7 @@ def from_zeros(targets: TargetTasks, count: int) -> Plan:
     from qinit_cli.fitted import FitOptions
     from qinit_cli.kernels.policies import Policies
     from qinit_cli.methods.zero import Zero
-    from qinit_cli.pipeline.job import Plan
+    from qinit_cli.pipeline.job import Plan, Prepared
     from qinit_cli.pipeline.probes import with_probes
     from qinit_cli.tasks import SourceTasks
 
@@ -182,8 +192,7 @@ def from_zeros(targets: TargetTasks, count: int) -> Plan:
         settings=RunSettings.of(Zero(), targets, count, nothing, fit),
         family=family,
         schema=_schema(targets, initial),
-        learn=partial(learn_targets, targets, initial),
-        kernel=_kernel(targets, initial),
+        prepare=lambda: Prepared(partial(learn_targets, targets, initial), _kernel(targets, initial)),
         what="a trial",
         learning_bytes=learning_bytes(targets.learning.episodes),
     )
@@ -330,16 +339,22 @@ def statics(initial: Initial, family: Family) -> dict[str, Floats]:
     return kept
 
 
-def projection_numbers(family: Family, kept: Mapping[str, Any]) -> dict[str, float]:
-    """Errors at the probes of the weights that stand for a start, and how many weights there are; nothing for tables.
+def projected(made: Made, family: Family) -> dict[str, float]:
+    """Errors at the probes of the weights that stand for a run's start, and how many weights there are.
 
-    `kept` are the arrays that a run keeps once for all targets, see `statics`.
+    Nothing for tables, nor where every target has a start of its own. `family` is that of the sources, with its probes.
     """
-    if not isinstance(family, TiledFamily) or PROJECTED not in kept:
+    from qinit_cli.artefacts.opening import open_artefact
+
+    if not isinstance(family, TiledFamily):
         return {}
+    with open_artefact(made.source, "run") as artefact:
+        if PROJECTED not in {column.name for column in artefact.schema.static_columns}:
+            return {}
+        start, values = artefact.read("start"), artefact.read(PROJECTED)
     rank = family.projection.rank
     return {
-        **projection_errors(kept["start"], kept[PROJECTED]),
+        **projection_errors(start, values),
         "weights": family.coding.weights,
         "weights_untouched": family.projection.untouched,
         **({} if rank is None else {"weights_rank": rank}),

@@ -97,7 +97,7 @@ def _artefacts(
         [told] = described([place]).values()
         if told["content_sha256"] != one["content_sha256"]:
             raise NotAllowed(
-                f"{place} is not what the pictures of {folder} were made of; run qinit make it again"
+                f"{place} is not what the pictures of {folder} were made of; make it again"
             )
         found.append(told)
     said = [

@@ -122,14 +122,14 @@ class Maker:
 
     def _run(self, run: PlannedRun, paths: Paths, keeping: Keeping, reporter: Reporter) -> Made:
         from qinit_cli.pipeline.job import make
-        from qinit_cli.pipeline.optimal_tables import initial_of
+        from qinit_cli.pipeline.optimal_tables import beginning_of
         from qinit_cli.pipeline.transfer import plan_of
 
         known = self._knowledge(paths[run.fit])
         method, choice = _method_of(run, paths, known.settings.sources)
         targets, count = targets_of_run(run, method, known.settings.sources)
-        initial, tables = initial_of(method, known, targets, count, keeping, self.machine, reporter)
-        plan = plan_of(method, targets, initial, count, known, [*choice, *tables])
+        beginning = beginning_of(method, known, targets, count, keeping, self.machine, reporter)
+        plan = plan_of(method, targets, beginning, count, known, choice)
         return make(plan, keeping, self.machine, reporter)
 
     def _knowledge(self, fit: Path) -> Knowledge:

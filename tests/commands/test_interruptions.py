@@ -19,41 +19,15 @@ from ready import Ready, Running
 from running import run_here
 
 WORDS = ("train-sources", "gridworld", "--size", "10", "--variance", "2", "--tasks", "320", "--jobs", "1")
-EPISODES = ("--episodes", "1000")
-# qinit as it is, but for saving every finished batch at once and then waiting until it is asked to stop: a signal finds saved and
-# missing tasks on any machine, for of 320 or 160 tasks at most two more batches of 32 are at work
-EAGER = """
-import threading
-from qinit_cli import watch
-from qinit_cli.__main__ import main
-from qinit_cli.pipeline import job
-
-asked = threading.Event()
-save, stop = job._Waiting.save, watch.Watch.stop
-
-def stopping(self):
-    stop(self)
-    asked.set()
-
-def saving(self):
-    some = bool(self._held)
-    save(self)
-    while some and not asked.wait(0.02):
-        pass
-
-job.SAVE_SECONDS = 0.0
-job._Waiting.save, watch.Watch.stop = saving, stopping
-main()
-"""
+EPISODES = ("--episodes", "500")
+EAGER = Path(__file__).parents[1] / "eager.py"
 Started = Callable[..., AbstractContextManager[Running]]
 
 
 @pytest.fixture
-def eager(tmp_path: Path, ready: Ready, tmp_path_factory: pytest.TempPathFactory) -> Started:
-    """Starts such a qinit in a folder of its own."""
-    script = tmp_path_factory.mktemp("eager") / "eager.py"
-    script.write_text(EAGER)
-    return partial(ready.process, tmp_path, command=str(script))
+def eager(tmp_path: Path, ready: Ready) -> Started:
+    """Starts a qinit that waits for the signal once something is saved."""
+    return partial(ready.process, tmp_path, command=str(EAGER))
 
 
 def _parts(folder: Path) -> int:
@@ -107,7 +81,8 @@ def test_interrupted_terminated_and_killed_the_same_command_ends_with_the_same_c
 def test_an_interrupted_run_of_a_method_completes_to_the_same_content(
     tmp_path: Path, eager: Started, here: Callable[..., Any], pipeline: Any
 ) -> None:
-    words = ["transfer", "zero", str(pipeline.fit), "--tasks", "160", "--episodes", "2000", "--jobs", "1"]
+    # five batches, of which one worker has two in flight
+    words = ["transfer", "zero", str(pipeline.fit), "--tasks", "160", "--episodes", "300", "--jobs", "1"]
     with eager(*words, "-o", "a.h5") as process:
         process.wait_until(lambda: _parts(tmp_path) > 0)
         process.send_signal(signal.SIGINT)
@@ -222,10 +197,9 @@ def test_work_that_goes_on_is_listed_as_being_written(tmp_path: Path, here: Call
 def test_two_processes_at_once_one_works_and_the_other_exits_with_5(
     tmp_path: Path, eager: Started, here: Callable[..., Any]
 ) -> None:
-    # more than a second process needs to notice
-    words = [*WORDS, "--episodes", "1000000", "-o", "a.h5", "-q"]
+    words = [*WORDS, *EPISODES, "-o", "a.h5", "-q"]
     with eager(*words) as first:
-        first.wait_until((tmp_path / ".a.h5.work" / "spec.json").exists)
+        first.wait_until(lambda: _parts(tmp_path) > 0)
         second = here(*words)
         assert (second.code, second.out) == (5, "")
         first.send_signal(signal.SIGTERM)
