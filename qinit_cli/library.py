@@ -33,6 +33,7 @@ from qinit_cli.artefacts.sources import SOURCES
 from qinit_cli.artefacts.tuning import TUNING
 from qinit_cli.comparison import rows as comparing
 from qinit_cli.comparison import runs as compared
+from qinit_cli.comparison import sensitivity as sensitivities
 from qinit_cli.comparison.score_matrices import score_matrices
 from qinit_cli.comparison.scores import Metric
 from qinit_cli.comparison.table import plain_rows
@@ -244,13 +245,27 @@ class Comparison:
 
     def to_pandas(self) -> pd.DataFrame:
         """The rows as a table; UsageError where pandas is not installed."""
-        try:
-            import pandas as pd
-        except ImportError as missing:
-            raise UsageError(
-                "to_pandas needs pandas, which is not installed: pip install pandas"
-            ) from missing
-        return pd.DataFrame(self.rows)
+        return _frame(self.rows)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How an average changes over a setting, or what decides it."""
+
+    rows: list[dict[str, Any]]  # as `qinit sensitivity --format json` prints them
+    about: str  # what the intervals are over, or the shares are of
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows as a table; UsageError where pandas is not installed."""
+        return _frame(self.rows)
+
+
+def _frame(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    try:
+        import pandas as pd
+    except ImportError as missing:
+        raise UsageError("to_pandas needs pandas, which is not installed: pip install pandas") from missing
+    return pd.DataFrame(rows)
 
 
 SAVED = {each.kind: each for each in (Sources, Fit, Run, Tuning)}
@@ -669,19 +684,57 @@ def compare(
     `baseline` is a method or a run's name; `greedy` compares greedy evaluations in the place of learning episodes. NotAllowed for
     runs that cannot stand beside each other.
     """
-    found: dict[str, compared.ComparedRun] = {}
-    for run in runs:
-        with open_artefact(_source(run, store), "run") as artefact:
-            found.setdefault(artefact.content_sha256, compared.ComparedRun.from_artefact(artefact))
-    shown = [run.greedy() if greedy else run for run in found.values()]
+    shown = _compared(runs, store, greedy=greedy)
     if not shown:
         raise NotAllowed("compare was given no runs; give at least one")
     return Comparison(plain_rows(comparing.compare(shown, baseline, metric), metric), shown, metric)
 
 
+def sensitivity(
+    runs: Iterable[Run | str | os.PathLike[str]],
+    over: str | None = None,
+    *,
+    metric: Metric = "return",
+    greedy: bool = False,
+    store: Where = "qinit-store",
+) -> Sensitivity:
+    """How the average of runs changes `over` a setting that varies among them, such as "variance", with 95 % intervals.
+
+    Without `over`: the share of each setting in the variance of the average (`qinit sensitivity`). UsageError for a setting that
+    does not vary, NotAllowed where none does.
+
+    >>> import qinit_cli as qinit
+    >>> fits = [
+    ...     qinit.fit(qinit.train_sources(qinit.families.gridworld(size=4, variance=v), tasks=3, learner="exact"))
+    ...     for v in (1, 2)
+    ... ]
+    >>> runs = [qinit.transfer("zero", fit, tasks=2, episodes=5) for fit in fits]
+    >>> [row["value"] for row in qinit.sensitivity(runs, "variance").rows]
+    [1.0, 2.0]
+    """
+    shown = _compared(runs, store, greedy=greedy)
+    told = (
+        sensitivities.shares_told(shown, metric)
+        if over is None
+        else sensitivities.points_told(shown, over, metric)
+    )
+    return Sensitivity(told.rows, told.about)
+
+
 def start(method: str | Method, fit: Fit | str | os.PathLike[str], **options: Any) -> Floats:
     """The start table of a method as a target would get it, (*states, A); see Fit.start (`qinit start`)."""
     return Fit(_source(fit, "qinit-store")).start(method, **options)
+
+
+def _compared(
+    runs: Iterable[Run | str | os.PathLike[str]], store: Where, *, greedy: bool
+) -> list[compared.ComparedRun]:
+    """The runs as they are compared, each once."""
+    found: dict[str, compared.ComparedRun] = {}
+    for run in runs:
+        with open_artefact(_source(run, store), "run") as artefact:
+            found.setdefault(artefact.content_sha256, compared.ComparedRun.from_artefact(artefact))
+    return [run.greedy() if greedy else run for run in found.values()]
 
 
 def _texts_of(shift: Mapping[str, Any] | None) -> list[str] | None:

@@ -19,6 +19,7 @@ from qinit_cli.plots.bars import BarsPlot
 from qinit_cli.plots.car import CarPlot
 from qinit_cli.plots.curves import CurvesPlot
 from qinit_cli.plots.eopl import EoplPlot
+from qinit_cli.plots.grid import GridPlot
 from qinit_cli.plots.heatmaps import HeatmapsPlot
 from qinit_cli.plots.histograms import HistogramsPlot
 from qinit_cli.plots.lifetime import LifetimePlot
@@ -26,6 +27,8 @@ from qinit_cli.plots.normality import NormalityPlot
 from qinit_cli.plots.occupancy import OccupancyPlot
 from qinit_cli.plots.plot import Frame, Plot, Takes
 from qinit_cli.plots.posterior import PosteriorPlot
+from qinit_cli.plots.ranks import RanksPlot
+from qinit_cli.plots.sensitivity import SensitivityPlot
 from qinit_cli.plots.tuning import TuningPlot
 from qinit_cli.registry import Registry
 
@@ -35,6 +38,9 @@ PLOTS: Registry[Plot] = Registry(
     (
         CurvesPlot,
         BarsPlot,
+        SensitivityPlot,
+        GridPlot,
+        RanksPlot,
         EoplPlot,
         HistogramsPlot,
         HeatmapsPlot,
