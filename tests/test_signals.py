@@ -4,6 +4,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -22,6 +24,43 @@ def test_the_first_signal_asks_and_the_second_ends(number: signal.Signals, code:
             os.kill(os.getpid(), number)
     assert asked == [True]
     assert ended.value.exit_code == code
+
+
+def test_one_signal_asks_the_blocks_of_all_threads_and_those_that_come_later() -> None:
+    asked: list[str] = []
+    entered, leave = threading.Event(), threading.Event()
+    received: dict[str, list[int]] = {}
+
+    def learn(name: str) -> None:
+        with asking_first(lambda: asked.append(name)) as mine:
+            received[name] = mine
+            entered.set()
+            assert leave.wait(10)
+
+    with asking_first(lambda: asked.append("main")), ThreadPoolExecutor(2) as threads:
+        first = threads.submit(learn, "first")
+        assert entered.wait(10)
+        os.kill(os.getpid(), signal.SIGINT)
+        assert asked == ["main", "first"]
+        leave.set()
+        threads.submit(learn, "later").result()
+        first.result()
+    assert asked == ["main", "first", "later"]
+    assert received == {"first": [signal.SIGINT], "later": [signal.SIGINT]}
+
+
+def test_a_thread_is_not_asked_by_the_signal_of_a_block_that_was_left() -> None:
+    with asking_first(lambda: None):
+        os.kill(os.getpid(), signal.SIGINT)
+    asked: list[bool] = []
+
+    def learn() -> list[int]:
+        with asking_first(lambda: asked.append(True)) as mine:
+            return list(mine)
+
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(learn).result() == []
+    assert asked == []
 
 
 def test_handlers_are_given_back() -> None:

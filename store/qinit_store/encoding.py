@@ -6,7 +6,7 @@ values with fletcher32 silent. No variable-length types, but for the dimension s
 
 from __future__ import annotations
 
-import threading
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +26,9 @@ PACKING: Mapping[str, Any] = {"shuffle": True, "compression": "gzip", "compressi
 CHUNK_BYTES = 256 * 1024
 IMAGE_ROOM = 64 * 1024  # of a part file, for what is not rows
 LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES; readers refuse 64 MiB
+
+
+_NUMBERS = itertools.count()
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ def image(
     """The bytes of a file that holds these tasks and no column without a task axis."""
     # as much memory at once as the rows take: it would grow by 64 KiB, and copy what is there
     room = IMAGE_ROOM + sum(values.nbytes for values in rows.values())
-    name = f"image-{threading.get_ident()}"  # HDF5 refuses a name that another thread has open
+    name = f"image {next(_NUMBERS)}"  # HDF5 opens none twice, in whatever thread
     with h5py.File(name, "w", driver="core", backing_store=False, libver=LIBVER, block_size=room) as file:
         write(file, header, schema, ids, digests, {}, [(0, rows)], passing=passing)
         file.flush()

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from real_cluster import PATIENCE, RealCluster, scheduler_in, wait_for
 
 from qinit_cli.errors import NotAllowed
 from qinit_cli.pipeline import cluster
@@ -46,63 +47,18 @@ LONG = (
 )
 EAGER = Path(__file__).parents[1] / "eager.py"
 GO = "go"  # a file: the command goes on after its first batch
-PATIENCE = 180  # seconds on a busy machine, where workers import what they compile with for the first time
-
-
-def _dask(*words: object) -> subprocess.Popen[bytes]:
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([sys.executable, "-m", "dask", *map(str, words), "--no-dashboard"], **quiet)
-
-
-def _wait(ready: Callable[[], Any], process: subprocess.Popen[Any]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not ready():
-        assert process.poll() is None, "it ended early"
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
-@dataclass
-class RealCluster:
-    """A scheduler and its workers, each a process of its own."""
-
-    file: Path
-    scheduler: subprocess.Popen[bytes]
-    workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
-
-    def complete(self) -> RealCluster:
-        """Two workers live, started anew where a test killed one."""
-        self.workers = [worker for worker in self.workers if worker.poll() is None]
-        while len(self.workers) < 2:
-            words = ("--scheduler-file", self.file, "--no-nanny", "--nthreads", 1, "--host", "127.0.0.1")
-            self.workers.append(_dask("worker", *words))
-        return self
-
-    def end(self) -> None:
-        for process in [*self.workers, self.scheduler]:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealCluster]:
     """A scheduler, whatever workers it has."""
-    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
-    process = _dask("scheduler", "--host", "127.0.0.1", "--port", 0, "--scheduler-file", file)
-    made = RealCluster(file, process)
-    try:
-        _wait(lambda: file.exists() and file.read_text().endswith("}"), process)
+    with scheduler_in(tmp_path_factory.mktemp("dask")) as made:
         yield made
-    finally:
-        made.end()
 
 
 @pytest.fixture
 def two_workers(scheduler: RealCluster) -> RealCluster:
-    made = scheduler.complete()
-    with distributed.Client(scheduler_file=str(made.file), timeout=PATIENCE, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=PATIENCE)
-    return made
+    return scheduler.complete()
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +86,7 @@ def _started(folder: Path, made: RealCluster) -> subprocess.Popen[str]:
 
 
 def _wait_until_something_is_saved(process: subprocess.Popen[str], folder: Path) -> None:
-    _wait(lambda: list((folder / ".a.h5.work").glob("part-*.h5")), process)
+    wait_for(lambda: list((folder / ".a.h5.work").glob("part-*.h5")), process)
 
 
 def test_a_scheduler_without_workers_is_said_in_one_sentence(
