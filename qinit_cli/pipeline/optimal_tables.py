@@ -43,14 +43,15 @@ def beginning_of(
     """What a method starts so many targets from, with the artefact of their own tables, if it needed one, as an input.
 
     `keeping` is that of the run. In a `trial` tables that would have to be learned are zeros. Of a privileged method the arrays
-    are made late, with SystemFailed where they do not fit into memory: there may be many, and tables to learn first.
+    are made late: there may be many, and tables to learn first. SystemFailed where they do not fit into memory.
     """
     if not method.privileged:
         return Beginning.known(method.initial(known.fit, targets.targets(count, no_tables(targets.family))))
 
+    # its arrays have a leading target axis
+    check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
+
     def make() -> tuple[Initial, list[dict[str, str]]]:
-        # they have a leading target axis
-        check_memory(Footprint(count, math.prod(targets.family.shape) * 8), count, count)
         tables = OptimalTables(targets, count, known.settings.sources, keeping, machine, reporter, trial)
         initial = method.initial(known.fit, targets.targets(count, tables.needed_by(method)))
         return initial, tables.inputs
