@@ -108,7 +108,7 @@ def _material(references: list[str], reporting: Reporting, store: str) -> Materi
             named.many(given, store, output=reporting.path),
             reporting.title,
             reporting.question,
-            reporting.baseline or "zero",
+            reporting.baseline,
             tuple(reporting.slice_ or ()),
         )
     if len(given) > 1:

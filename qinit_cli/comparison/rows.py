@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from qinit_cli.arrays import Integers
 
 
+class SeveralBaselines(NotAllowed):
+    """A baseline's name that several rows of one table have."""
+
+
 @dataclass(frozen=True)
 class Row(Estimates):
     """One method against the baseline; its p adjusted by Holm over the rows, None where it could not come to LEVEL."""
@@ -194,7 +198,9 @@ def _baseline(group: RunGroup, baseline: str) -> Entry | None:
     if len(meant) > 1:
         labels = [entry.label for entry in meant]
         names = separator(labels).join(labels)
-        raise NotAllowed(f"the baseline {baseline} could be any of {names}; name one of them with --baseline")
+        raise SeveralBaselines(
+            f"the baseline {baseline} could be any of {names}; name one of them with --baseline"
+        )
     return meant[0] if meant else None
 
 

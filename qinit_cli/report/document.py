@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.report import comparison, judged, origin, settings, tuned
+from qinit_cli.report import comparison, judged, origin, settings, shares, tuned
 from qinit_cli.report.content import Block, Figure, Page, Pairs, Points, Section, Subheading, Text
 from qinit_store.wording import counted
 
@@ -27,6 +27,7 @@ class Material:
     figures: Sequence[Figure]
     undrawn: Sequence[str]  # what is not in them, and why
     absent: Sequence[str]  # what is not among the artefacts, and why
+    shares: shares.SharesTold | None  # what decides the average return; None where no setting varies
     of_claims: bool  # whether the paper's claims are what was asked; else they follow what was compared
 
 
@@ -42,6 +43,7 @@ def _sections(material: Material) -> Iterator[Section]:
     if material.of_claims:
         yield verdicts
     yield Section("comparisons", "Comparisons", list(_compared(material)))
+    yield Section("sensitivity", "Sensitivity", list(shares.blocks(material.shares)))
     yield Section("tuning", "Tuning", list(tuned.blocks(material.tuned)))
     missing: list[Block] = [Text("Not drawn:"), Points(material.undrawn)] if material.undrawn else []
     yield Section("figures", "Figures", [*material.figures, *missing])

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.artefacts.kinds import KINDS
-from qinit_cli.errors import UsageError
+from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.methods import METHODS
+from qinit_cli.methods.zero import Zero
 from qinit_cli.report.numbers import listed
 
 if TYPE_CHECKING:
@@ -24,10 +25,12 @@ def material(
     paths: Sequence[Path],
     title: str | None,
     question: str | None,
-    baseline: str,
+    baseline: str | None,
     slices: tuple[str, ...] = (),
 ) -> Material:
     """What the page is made of, in the order sources, fits, runs, tunings; maps of continuous states with these `slices`.
+
+    Without a `baseline` runs are set against zero, unless several of one table are, which the page then tells.
 
     UsageError where there are slices and no fit is over continuous states, or its dimensions cannot be fixed so.
     """
@@ -47,7 +50,7 @@ def material(
     drawn, undrawn = figures(contents)
     return Material(
         title=title or _title(artefacts),
-        question=question or _question(runs, baseline, tuned=bool(kinds["tuning"])),
+        question=question or _question(runs, baseline or Zero.name, tuned=bool(kinds["tuning"])),
         made=[],
         artefacts=[told for kind in kinds.values() for told in kind.values()],
         compared=[("", _compared(runs, baseline))] if runs else [],
@@ -56,6 +59,7 @@ def material(
         figures=drawn,
         undrawn=undrawn,
         absent=[],
+        shares=_shares(runs),
         of_claims=False,
     )
 
@@ -90,11 +94,31 @@ def _tuned(path: Path) -> dict[str, Any]:
     }
 
 
-def _compared(runs: list[ComparedRun], baseline: str) -> dict[str, Any]:
-    from qinit_cli.comparison.rows import compare
+def _compared(runs: list[ComparedRun], baseline: str | None) -> dict[str, Any]:
+    from qinit_cli.comparison.rows import SeveralBaselines, compare
     from qinit_cli.comparison.table import told
 
-    return told(compare(runs, baseline, "return"), "return")
+    try:
+        return told(compare(runs, baseline or Zero.name, "return"), "return")
+    except SeveralBaselines as refusal:
+        if baseline is not None:
+            raise
+        found = told(compare(runs, "", "return"), "return")
+        alone = f"No differences: {refusal}"
+        return found | {"intervals": [one | {"untested": alone} for one in found["intervals"]]}
+
+
+def _shares(runs: list[ComparedRun]) -> dict[str, Any] | None:
+    """What decides the average return; None where methods alone differ, or no shares can be taken."""
+    from qinit_cli.comparison.sensitivity import shares_told
+    from qinit_cli.comparison.varied import VariedRuns
+
+    if not runs or not VariedRuns.of(runs).varied:
+        return None
+    try:
+        return vars(shares_told(runs, "return"))
+    except NotAllowed:
+        return None
 
 
 def _title(artefacts: Described) -> str:

@@ -66,6 +66,7 @@ def _material(
         figures=[_figure(folder, one) for one in manifest["figures"]],
         undrawn=[],
         absent=absent,
+        shares=None,
         of_claims=manifest["verdicts"] is not None,
     )
 
