@@ -25,7 +25,7 @@ FILE = Reference("file", "The study, such as study.toml.")
 
 
 @dataclass(frozen=True)
-class Selection:
+class StudySelection:
     """How much of the study."""
 
     scale: str | None = option(
@@ -98,7 +98,11 @@ class AsJson:
     json: bool = option(False, "Print one JSON object.")
 
 
-SELECTION, PLACING, THREADS = Group(Selection, "Study"), Group(Placing, "Files"), Group(Threads, "Machine")
+SELECTION, PLACING, THREADS = (
+    Group(StudySelection, "Study"),
+    Group(Placing, "Files"),
+    Group(Threads, "Machine"),
+)
 
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
@@ -164,7 +168,7 @@ def work_of(
 
 def check_study(
     file: str,
-    selection: Selection,
+    selection: StudySelection,
     placing: Placing,
     machine: Threads,
     as_json: AsJson,
@@ -182,7 +186,7 @@ def check_study(
 
 def run_study(
     file: str,
-    selection: Selection,
+    selection: StudySelection,
     placing: Placing,
     running: Running,
     machine: Threads,

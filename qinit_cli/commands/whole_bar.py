@@ -17,8 +17,8 @@ from qinit_cli.pipeline.reporter import Whole
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
+    from qinit_cli.pipeline.pace import Pace
     from qinit_cli.pipeline.reporter import Progress
-    from qinit_cli.study.pace import Pace
     from qinit_cli.watch import Watch
 
 WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`

@@ -1,53 +1,11 @@
-"""The time that is left of a study: what was foreseen of each artefact, corrected by how long others of its kind took."""
+"""What takes alike in a study, for the time that is left of it."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-
+from qinit_cli.pipeline.pace import Kind
 from qinit_cli.study.planned import STAGES, Artefact, PlannedFit, PlannedRun, PlannedSources, PlannedTuning
 
-Kind = tuple[str, ...]
 DRAWING: Kind = ("drawing",)
-
-
-@dataclass
-class Pace:
-    """Seconds that were foreseen and that were taken, by kind of what is made."""
-
-    foreseen: Mapping[Kind, float]  # of all that is to be done
-    _taken: dict[Kind, float] = field(default_factory=lambda: defaultdict(float))
-    _done: dict[Kind, float] = field(
-        default_factory=lambda: defaultdict(float)
-    )  # what was foreseen of what is done
-
-    def took(self, kind: Kind, foreseen: float, taken: float) -> None:
-        """Counts one that is done."""
-        for part in _wider(kind):
-            self._done[part] += foreseen
-            self._taken[part] += taken
-
-    def factor(self, kind: Kind) -> float:
-        """How many seconds one foreseen second takes: of the narrowest kind of which something is done, else 1."""
-        for part in _wider(kind):
-            if self._done[part] > 0:
-                return self._taken[part] / self._done[part]
-        return 1.0
-
-    def left(self, under_way: Kind | None = None, share: float = 0.0, own: float = 0.0) -> float:
-        """Seconds of all that is not done, of which `own` foreseen seconds are under way and this share of them is over."""
-        left = 0.0
-        for kind, foreseen in self.foreseen.items():
-            left += (foreseen - self._done[kind]) * self.factor(kind)
-        if under_way is not None:
-            left -= share * own * self.factor(under_way)
-        return max(0.0, left)
-
-
-def _wider(kind: Kind) -> Iterable[Kind]:
-    """The kind, and each that has it: with ever fewer of its words."""
-    return (kind[:count] for count in range(len(kind), 0, -1))
 
 
 def kind_of(artefact: Artefact) -> Kind:
