@@ -43,7 +43,8 @@ class Given:
         there = list(known)
         for key in self.values:
             if key not in there:
-                self.refuse(f"{of or self._titled} has no {key}; {nearest(key, there)}", key)
+                ending = nearest(key, there) if there else "nothing stands in it"
+                self.refuse(f"{of or self._titled} has no {key}; {ending}", key)
 
     @property
     def _titled(self) -> str:

@@ -7,6 +7,7 @@ made: an unknown key, an impossible value or an empty selection is refused with 
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,7 @@ from qinit_cli.methods import METHODS, Method
 from qinit_cli.nearest import nearest
 from qinit_cli.options import flag, options, tunable
 from qinit_cli.pipeline.asked import FROM_SOURCES, CrossValidating, LearningSources, LearningTargets
+from qinit_cli.study.folder import PROGRESS
 from qinit_cli.study.given import MOST, Given
 from qinit_cli.study.lines import lines
 from qinit_cli.study.planned import (
@@ -32,6 +34,7 @@ from qinit_cli.study.planned import (
     PlannedPicture,
     PlannedRun,
     PlannedSources,
+    PlannedTable,
     PlannedTuning,
     Shown,
     Values,
@@ -57,6 +60,9 @@ OF_DISTRIBUTION = ("family", "group", "sources", "targets", "fits", "methods")
 OF_FIT = ("group", "distributions", "methods")
 OF_METHOD = ("name", "group", "distributions", "fits", "targets", "tuned", "tune")
 Settings = Mapping[str, Any]
+FILE_NAME = re.compile(r"[\w+=-][\w.+= -]*")  # no folder, and none that is hidden
+LONGEST = 200  # bytes of a name, to which endings and .part are added
+OWN_FILES = ("study.json", "reproduction.json", PROGRESS)  # that a folder holds beside its tables
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,10 @@ class Study:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise UsageError(f"{file} is no TOML: {error}") from error
+        except RecursionError as error:
+            raise UsageError(
+                f"{file} nests its lists or tables too deeply; nothing in a study needs more than three"
+            ) from error
         return _Reading(Given(str(file), (), values, lines(text)), text, file, scale, sets).study()
 
     @property
@@ -196,9 +206,7 @@ class _Reading:
         if self._judged():
             judged = [*(artefact for one in shown for artefact in one.artefacts), *_ends(planned)]
             shown = (*shown, PlannedJudgement(tuple(dict.fromkeys(judged)), whole=True))
-        names = [one.name for one in shown if isinstance(one, PlannedPicture)]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            self.top.refuse(f"two pictures are called {twice[0]}; give each a name of its own")
+        self._check_files(shown)
         return Study(
             file=self.file,
             text=self.text,
@@ -208,7 +216,7 @@ class _Reading:
             imports=imports,
             planned=planned,
             shown=shown,
-            parts=self._parts(),
+            parts=self._parts(shown),
             sets=self.sets,
             sizes=self._sizes(),
         )
@@ -448,18 +456,47 @@ class _Reading:
         for key, name in numbers.items():
             if key in tune.values:
                 several = tune.values[key] if isinstance(tune.values[key], list) else [tune.values[key]]
-                if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in several):
+                numeric = all(isinstance(one, int | float) and not isinstance(one, bool) for one in several)
+                if not several or not numeric:
                     tune.refuse(f"{key} is {tune.values[key]!r}; it must be numbers", key)
                 values[name] = tuple(float(one) for one in several)
-        [learning] = tune.instances(CrossValidating, [key for key in tune.values if key not in numbers])
+                for number in values[name]:
+                    try:
+                        replace(method, **{name: number})  # type: ignore[type-var]  # every concrete method is a dataclass
+                    except (ValueError, UsageError) as error:
+                        tune.refuse(str(error).removeprefix("--"), key)
+        found = list(tune.instances(CrossValidating, [key for key in tune.values if key not in numbers]))
+        if len(found) > 1:
+            tune.refuse("parameters are chosen in one way; a list is of values that are tried of a parameter")
+        [learning] = found
         ordered: Values = tuple((one.name, values[one.name]) for one in options(kind) if one.name in values)
         return PlannedTuning(sources, method, ordered, learning)
 
     # --- what is shown --------------------------------------------------------------------------------------------------------
 
-    def _parts(self) -> dict[str, tuple[str, ...]]:
+    def _parts(self, shown: Sequence[Shown]) -> dict[str, tuple[str, ...]]:
         parts = self.top.table("part")
+        known = sorted({name for one in shown for name in (one.name, one.figure)})
+        for part in parts.values:
+            for name in parts.texts(part) or ():
+                if name not in known:
+                    parts.refuse(f"the study shows no {name}; {nearest(name, known)}", part)
         return {name: parts.texts(name) or () for name in parts.values}
+
+    def _check_files(self, shown: Sequence[Shown]) -> None:
+        """Refuses names that are no names of files, or that two pictures or two tables share."""
+        for kind, called in ((PlannedPicture, "pictures"), (PlannedTable | PlannedJudgement, "tables")):
+            taken = set() if kind is PlannedPicture else {Path(one).stem for one in OWN_FILES}
+            for one in shown:
+                if not isinstance(one, kind):
+                    continue
+                if len(one.name.encode()) > LONGEST or not FILE_NAME.fullmatch(one.name):
+                    self.top.refuse(
+                        f"{one.name!r} cannot name a file; take at most {LONGEST} letters, digits, spaces and . _ - + ="
+                    )
+                if one.name.lower() in taken:  # of which some file systems have one, whatever the case
+                    self.top.refuse(f"two {called} are called {one.name}; give each a name of its own")
+                taken.add(one.name.lower())
 
     def _shown(self, planned: tuple[Selectable, ...], told: Given) -> Iterator[Shown]:
         if not any(self.top.tables(kind) for kind in ("table", "plot")):

@@ -69,6 +69,10 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
     """The table of an entry, or one of each distribution, method or set."""
     selected = select(entry, planned, (PlannedRun,))
     name = entry.of("name", str) or "compare"
+    first = entry.of("first", int)
+    if first is not None and first < 1:
+        entry.refuse(f"first is {first}; it must be at least 1", "first")
+    baseline = _baseline(entry, planned) or _baseline(study, planned) or "zero"
     for ending, those in _each(entry, selected):
         yield PlannedTable(
             f"{name}{ending}",
@@ -78,7 +82,7 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
                 "{first}", str(entry.of("first", int))
             ),
             entry.of("first", int),
-            entry.of("baseline", str) or study.of("baseline", str) or "zero",
+            baseline,
             _metric(entry) or _metric(study) or "return",
         )
 
@@ -107,7 +111,7 @@ def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
             tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
             f"Methods on the same targets{f', {ending[1:]}' if ending else ''}",
             None,
-            study.of("baseline", str) or "zero",
+            _baseline(study, planned) or "zero",
             _metric(study) or "return",
         )
 
@@ -249,6 +253,16 @@ def _metric(given: Given) -> Metric | None:
         if metric == asked:
             return metric
     return given.refuse(f"metric is {asked!r}; {nearest(asked, METRICS)}", "metric")
+
+
+def _baseline(given: Given, planned: Sequence[Selectable]) -> str | None:
+    """The label of a method of the study; None where none is named."""
+    asked = given.of("baseline", str)
+    labels = {one.artefact.method.label for one in planned if isinstance(one.artefact, PlannedRun)}
+    if asked is not None and asked not in labels:
+        ending = nearest(asked, sorted(labels)) if labels else "no method stands in the study"
+        return given.refuse(f"baseline is {asked}; {ending}", "baseline")
+    return asked
 
 
 def _filled(text: str | None, those: Sequence[Selectable]) -> str | None:
