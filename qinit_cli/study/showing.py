@@ -257,7 +257,7 @@ def _metric(given: Given) -> Metric | None:
 
 def _baseline(given: Given, planned: Sequence[Selectable]) -> str | None:
     """The label of a method of the study; None where none is named."""
-    asked = given.of("baseline", str)
+    asked: str | None = given.of("baseline", str)
     labels = {one.artefact.method.label for one in planned if isinstance(one.artefact, PlannedRun)}
     if asked is not None and asked not in labels:
         ending = nearest(asked, sorted(labels)) if labels else "no method stands in the study"
