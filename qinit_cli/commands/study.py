@@ -34,7 +34,7 @@ FILE = Reference("file", "The study, such as study.toml.")
 
 
 @dataclass(frozen=True)
-class Selection:
+class StudySelection:
     """How much of the study."""
 
     scale: str | None = option(
@@ -183,7 +183,7 @@ class AsJson:
     json: bool = option(False, "Print one JSON object.")
 
 
-SELECTION, PLACING = Group(Selection, "Study"), Group(Placing, "Files")
+SELECTION, PLACING = Group(StudySelection, "Study"), Group(Placing, "Files")
 THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 
@@ -249,7 +249,7 @@ def work_of(
 
 def check_study(
     file: str,
-    selection: Selection,
+    selection: StudySelection,
     placing: Placing,
     machine: Threads,
     as_json: AsJson,
@@ -267,7 +267,7 @@ def check_study(
 
 def run_study(
     file: str,
-    selection: Selection,
+    selection: StudySelection,
     placing: Placing,
     running: Running,
     machine: Spread,

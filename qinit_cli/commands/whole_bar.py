@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock, console
 from qinit_cli.commands.option_groups import Display
+from qinit_cli.pipeline.pace import UnderWay
 from qinit_cli.pipeline.reporter import Whole
-from qinit_cli.study.pace import UnderWay
 from qinit_store.wording import counted, printable
 
 if TYPE_CHECKING:
+    from qinit_cli.pipeline.pace import Kind, Pace
     from qinit_cli.pipeline.reporter import Progress
-    from qinit_cli.study.pace import Kind, Pace
     from qinit_cli.watch import Watch
 
 WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.study.pace import Pace
+    from qinit_cli.pipeline.pace import Pace
     from qinit_cli.watch import Watch
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.output_file import OutputFile
-from qinit_cli.study.manifest import Kind, entries_of
+from qinit_cli.study.manifest import FolderKind, entries_of
 
 if TYPE_CHECKING:
     from qinit_cli.plots.drawn import PictureFile
@@ -25,7 +25,7 @@ class Folder:
     """A study's folder. Made by `opened`."""
 
     path: Path
-    kind: Kind
+    kind: FolderKind
     before: dict[str, Any] = field(default_factory=dict)  # the manifest of the same settings that stood there
     replaced: dict[str, Any] = field(default_factory=dict)  # that of other settings, whose files go
 
@@ -67,7 +67,7 @@ def files_of(entry: dict[str, Any]) -> list[str]:
     return [entry[key] for key in ("file", "png", "csv", "parquet") if key in entry]
 
 
-def opened(path: Path, kind: Kind, asked: dict[str, Any], *, force: bool) -> Folder:
+def opened(path: Path, kind: FolderKind, asked: dict[str, Any], *, force: bool) -> Folder:
     """The folder, not made yet, to be gone on with where it holds what is `asked`.
 
     NotAllowed where it holds something else, or one of other settings; with `force` the files of such a one are removed once
@@ -91,7 +91,7 @@ def opened(path: Path, kind: Kind, asked: dict[str, Any], *, force: bool) -> Fol
     return Folder(path, kind, replaced=before)
 
 
-def read_manifest(path: Path, kind: Kind) -> dict[str, Any] | None:
+def read_manifest(path: Path, kind: FolderKind) -> dict[str, Any] | None:
     """The manifest in the folder; None where there is none of this kind."""
     try:
         there = json.loads((path / kind.manifest).read_text(encoding="utf-8"))
@@ -100,7 +100,7 @@ def read_manifest(path: Path, kind: Kind) -> dict[str, Any] | None:
     return there if isinstance(there, dict) and there.get("schema") == kind.schema else None
 
 
-def _remove(path: Path, kind: Kind, manifest: dict[str, Any]) -> None:
+def _remove(path: Path, kind: FolderKind, manifest: dict[str, Any]) -> None:
     """Removes the files that the manifest names, and it; nothing outside the folder."""
     if not manifest:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -14,6 +15,8 @@ from qinit_cli.options import UNIONS, flag, options
 from qinit_cli.study.lines import Place
 
 Owner = TypeVar("Owner")
+
+MOST = 100_000  # artefacts of a study: planning as many takes seconds, and lists that multiply soon ask for millions
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class Given:
         there = list(known)
         for key in self.values:
             if key not in there:
-                self.refuse(f"{of or self._titled} has no {key}; {nearest(key, there)}", key)
+                ending = nearest(key, there) if there else "nothing stands in it"
+                self.refuse(f"{of or self._titled} has no {key}; {ending}", key)
 
     @property
     def _titled(self) -> str:
@@ -117,6 +121,11 @@ class Given:
                 self.check_keys(known)
             hint = hints[known[key]]
             varied.append([(key, value) for value in self._each(key, self.values[key], hint)])
+        count = math.prod(map(len, varied))
+        if count > MOST:
+            self.refuse(
+                f"its lists make {count:,} combinations; a study has at most {MOST:,} artefacts: shorten the lists"
+            )
         for chosen in product(*varied):
             yield self._instance(owner, {known[key]: value for key, value in chosen}, hints)
 

@@ -17,7 +17,7 @@ VERDICTS = "verdicts"  # the name of the entry that is no table
 
 
 @dataclass(frozen=True)
-class Kind:
+class FolderKind:
     """What a folder holds, and how its manifest is called."""
 
     noun: str
@@ -27,8 +27,10 @@ class Kind:
     told: tuple[str, ...]  # keys that tell one from another in an error
 
 
-STUDY = Kind("study", "qinit study run", "study.json", "qinit.study/1", ("study", "scale", "source_sets"))
-REPRODUCTION = Kind(
+STUDY = FolderKind(
+    "study", "qinit study run", "study.json", "qinit.study/1", ("study", "scale", "source_sets")
+)
+REPRODUCTION = FolderKind(
     "reproduction",
     "qinit reproduce",
     "reproduction.json",
@@ -47,7 +49,7 @@ class Spent:
 
 
 def manifest(
-    kind: Kind,
+    kind: FolderKind,
     asked: Mapping[str, Any],
     entries: Iterable[dict[str, Any]],
     artefacts: Iterable[Path],

@@ -7,12 +7,14 @@ made: an unknown key, an impossible value or an empty selection is refused with 
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.family import Family, task_count
@@ -22,7 +24,8 @@ from qinit_cli.methods import METHODS, Method
 from qinit_cli.nearest import nearest
 from qinit_cli.options import flag, options, tunable
 from qinit_cli.pipeline.asked import FROM_SOURCES, CrossValidating, LearningSources, LearningTargets
-from qinit_cli.study.given import Given
+from qinit_cli.study.folder import PROGRESS
+from qinit_cli.study.given import MOST, Given
 from qinit_cli.study.lines import lines
 from qinit_cli.study.planned import (
     Artefact,
@@ -31,6 +34,7 @@ from qinit_cli.study.planned import (
     PlannedPicture,
     PlannedRun,
     PlannedSources,
+    PlannedTable,
     PlannedTuning,
     Shown,
     Values,
@@ -56,10 +60,13 @@ OF_DISTRIBUTION = ("family", "group", "sources", "targets", "fits", "methods")
 OF_FIT = ("group", "distributions", "methods")
 OF_METHOD = ("name", "group", "distributions", "fits", "targets", "tuned", "tune")
 Settings = Mapping[str, Any]
+FILE_NAME = re.compile(r"[\w+=-][\w.+= -]*")  # no folder, and none that is hidden
+LONGEST = 200  # bytes of a name, to which endings and .part are added
+OWN_FILES = ("study.json", "reproduction.json", PROGRESS)  # that a folder holds beside its tables
 
 
 @dataclass(frozen=True)
-class Planned:
+class Selectable:
     """An artefact, and what it is selected by."""
 
     artefact: Artefact
@@ -71,7 +78,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Distribution:
+class StudyDistribution:
     """One distribution, and how its sources and targets are learned."""
 
     entry: Given
@@ -91,7 +98,7 @@ class Study:
     title: str
     question: str | None
     imports: tuple[str, ...]
-    planned: tuple[Planned, ...]
+    planned: tuple[Selectable, ...]
     shown: tuple[Shown, ...]
     parts: Mapping[str, tuple[str, ...]]
     sets: int | None
@@ -117,6 +124,10 @@ class Study:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise UsageError(f"{file} is no TOML: {error}") from error
+        except RecursionError as error:
+            raise UsageError(
+                f"{file} nests its lists or tables too deeply; nothing in a study needs more than three"
+            ) from error
         return _Reading(Given(str(file), (), values, lines(text)), text, file, scale, sets).study()
 
     @property
@@ -158,7 +169,7 @@ class Study:
         return tuple(dict.fromkeys([*(one.artefact for one in self.planned), *shown]))
 
 
-def _ends(planned: Sequence[Planned]) -> list[Artefact]:
+def _ends(planned: Sequence[Selectable]) -> list[Artefact]:
     """The artefacts of which no other is made."""
     given = {one for each in planned for one in inputs(each.artefact)}
     return [one.artefact for one in planned if one.artefact not in given]
@@ -184,16 +195,18 @@ class _Reading:
 
             import_named(imports)
         self._check_scale()
-        planned = tuple(self._planned())
+        planned = tuple(islice(self._planned(), MOST + 1))
+        if len(planned) > MOST:
+            self.top.refuse(
+                f"its lists ask for more than {MOST:,} artefacts; shorten them, or make several studies of it"
+            )
         if not planned:
             self.top.refuse("no [[distribution]] stands here; a study needs at least one")
         shown = tuple(self._shown(planned, told))
         if self._judged():
             judged = [*(artefact for one in shown for artefact in one.artefacts), *_ends(planned)]
             shown = (*shown, PlannedJudgement(tuple(dict.fromkeys(judged)), whole=True))
-        names = [one.name for one in shown if isinstance(one, PlannedPicture)]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            self.top.refuse(f"two pictures are called {twice[0]}; give each a name of its own")
+        self._check_files(shown)
         return Study(
             file=self.file,
             text=self.text,
@@ -203,9 +216,14 @@ class _Reading:
             imports=imports,
             planned=planned,
             shown=shown,
-            parts=self._parts(),
+            parts=self._parts(shown),
             sets=self.sets,
             sizes=self._sizes(),
+        )
+
+    def _refuse_many(self) -> NoReturn:
+        self.top.refuse(
+            f"its lists make more than {MOST:,} artefacts; shorten them, or make several studies of it"
         )
 
     # --- scales -------------------------------------------------------------------------------------------------------------
@@ -249,18 +267,20 @@ class _Reading:
 
     # --- artefacts ----------------------------------------------------------------------------------------------------------
 
-    def _planned(self) -> Iterator[Planned]:
+    def _planned(self) -> Iterator[Selectable]:
         fits, methods = self._fits(), self._methods()
         self._check_names(fits, methods)
         alike: dict[
             Any, PlannedRun
         ] = {}  # runs of methods that read no sources, of which one serves all source sets
+        count = 0  # of runs, those that another serves among them
         for at, distribution in enumerate(self._distributions()):
             names = distribution.names
+            learned = [tuple(self._targets(distribution, entry)) for entry, _, _ in methods]
             for place, sources in enumerate(self._sources(distribution)):
                 planned = PlannedSources(distribution.family, sources)
                 own = _told(distribution.family, "") | _told(sources, "sources.") | {"seed": sources.seed}
-                yield Planned(planned, names, settings=_items(own), place=(at, -1, place))
+                yield Selectable(planned, names, settings=_items(own), place=(at, -1, place))
                 for fit_at, (fit_entry, options_) in enumerate(fits):
                     fit, fit_names = PlannedFit(planned, options_), _names(fit_entry)
                     if not (
@@ -269,7 +289,7 @@ class _Reading:
                     ):
                         continue
                     with_fit = own | _told(options_, "")
-                    yield Planned(
+                    yield Selectable(
                         fit, names, fit_names, settings=_items(with_fit), place=(at, -1, place, fit_at)
                     )
                     for method_at, (entry, method, method_names) in enumerate(methods):
@@ -280,7 +300,10 @@ class _Reading:
                             and _allows(distribution.entry, "methods", method_names)
                         ):
                             continue
-                        for target_at, targets in enumerate(self._targets(distribution, entry)):
+                        for target_at, targets in enumerate(learned[method_at]):
+                            count += 1
+                            if count > MOST:
+                                self._refuse_many()
                             run = PlannedRun(fit, method, targets, self._tuning(entry, method, planned))
                             if not method.reads_sources:
                                 same = (distribution.family, method, targets, _inherited(sources))
@@ -292,7 +315,7 @@ class _Reading:
                                 | _told(targets, "targets.")
                                 | {"method": method.name}
                             )
-                            yield Planned(
+                            yield Selectable(
                                 run,
                                 names,
                                 fit_names,
@@ -320,8 +343,8 @@ class _Reading:
                             entry.refuse(f"{key} names {name!r}, which nothing is called; {ending}", key)
 
     @cached_property
-    def _found(self) -> list[Distribution]:
-        found: list[Distribution] = []
+    def _found(self) -> list[StudyDistribution]:
+        found: list[StudyDistribution] = []
         for entry in self._entries("distribution"):
             name = entry.of("family", str)
             if name is None:
@@ -338,7 +361,7 @@ class _Reading:
                     entry.refuse(str(error), "family")
                 names = {name, opened.label, *([group] if group else [])}
                 found.append(
-                    Distribution(
+                    StudyDistribution(
                         entry,
                         family,
                         frozenset(names),
@@ -348,7 +371,7 @@ class _Reading:
                 )
         return found
 
-    def _distributions(self) -> list[Distribution]:
+    def _distributions(self) -> list[StudyDistribution]:
         return self._found
 
     def _over(self, key: str, entry: Given) -> Given:
@@ -359,14 +382,14 @@ class _Reading:
                 usual = usual.without(other)
         return usual.merged(own)
 
-    def _sources(self, distribution: Distribution) -> Iterator[LearningSources]:
+    def _sources(self, distribution: StudyDistribution) -> Iterator[LearningSources]:
         given = distribution.sources
         given.check_keys(["sets", *_keys(LearningSources)])
         count = given.of("sets", int)
         if count is not None and "seed" in given.values:
             given.refuse("sets and seed both say which source sets there are; leave out one of them", "sets")
-        if count is not None and count < 1:
-            given.refuse(f"sets is {count}; it must be at least 1", "sets")
+        if count is not None and not 1 <= count <= MOST:
+            given.refuse(f"sets is {count}; it must be from 1 to {MOST:,}", "sets")
         if self.sets is not None and "seed" not in distribution.entry.table("sources").values:
             count = self.sets
         given = given.without("sets") if count is None else given.without("sets").without("seed")
@@ -406,7 +429,7 @@ class _Reading:
                 found += [(entry, method, named) for method in entry.instances(kind, keys)]
         return found
 
-    def _targets(self, distribution: Distribution, entry: Given) -> Iterator[LearningTargets]:
+    def _targets(self, distribution: StudyDistribution, entry: Given) -> Iterator[LearningTargets]:
         given = distribution.targets.merged(entry.table("targets"))
         given.check_keys(_keys(LearningTargets))
         for targets in given.instances(LearningTargets):
@@ -433,20 +456,49 @@ class _Reading:
         for key, name in numbers.items():
             if key in tune.values:
                 several = tune.values[key] if isinstance(tune.values[key], list) else [tune.values[key]]
-                if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in several):
+                numeric = all(isinstance(one, int | float) and not isinstance(one, bool) for one in several)
+                if not several or not numeric:
                     tune.refuse(f"{key} is {tune.values[key]!r}; it must be numbers", key)
                 values[name] = tuple(float(one) for one in several)
-        [learning] = tune.instances(CrossValidating, [key for key in tune.values if key not in numbers])
+                for number in values[name]:
+                    try:
+                        replace(method, **{name: number})  # type: ignore[type-var]  # every concrete method is a dataclass
+                    except (ValueError, UsageError) as error:
+                        tune.refuse(str(error).removeprefix("--"), key)
+        found = list(tune.instances(CrossValidating, [key for key in tune.values if key not in numbers]))
+        if len(found) > 1:
+            tune.refuse("parameters are chosen in one way; a list is of values that are tried of a parameter")
+        [learning] = found
         ordered: Values = tuple((one.name, values[one.name]) for one in options(kind) if one.name in values)
         return PlannedTuning(sources, method, ordered, learning)
 
     # --- what is shown --------------------------------------------------------------------------------------------------------
 
-    def _parts(self) -> dict[str, tuple[str, ...]]:
+    def _parts(self, shown: Sequence[Shown]) -> dict[str, tuple[str, ...]]:
         parts = self.top.table("part")
+        known = sorted({name for one in shown for name in (one.name, one.figure)})
+        for part in parts.values:
+            for name in parts.texts(part) or ():
+                if name not in known:
+                    parts.refuse(f"the study shows no {name}; {nearest(name, known)}", part)
         return {name: parts.texts(name) or () for name in parts.values}
 
-    def _shown(self, planned: tuple[Planned, ...], told: Given) -> Iterator[Shown]:
+    def _check_files(self, shown: Sequence[Shown]) -> None:
+        """Refuses names that are no names of files, or that two pictures or two tables share."""
+        for kind, called in ((PlannedPicture, "pictures"), (PlannedTable | PlannedJudgement, "tables")):
+            taken = set() if kind is PlannedPicture else {Path(one).stem for one in OWN_FILES}
+            for one in shown:
+                if not isinstance(one, kind):
+                    continue
+                if len(one.name.encode()) > LONGEST or not FILE_NAME.fullmatch(one.name):
+                    self.top.refuse(
+                        f"{one.name!r} cannot name a file; take at most {LONGEST} letters, digits, spaces and . _ - + ="
+                    )
+                if one.name.lower() in taken:  # of which some file systems have one, whatever the case
+                    self.top.refuse(f"two {called} are called {one.name}; give each a name of its own")
+                taken.add(one.name.lower())
+
+    def _shown(self, planned: tuple[Selectable, ...], told: Given) -> Iterator[Shown]:
         if not any(self.top.tables(kind) for kind in ("table", "plot")):
             yield from usual(planned, told)
         for entry in self._entries("plot"):

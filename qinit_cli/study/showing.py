@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from qinit_cli.environments.family import task_count
@@ -24,7 +24,7 @@ from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
-    from qinit_cli.study.reading import Planned
+    from qinit_cli.study.reading import Selectable
 
 KINDS: dict[str, type[Artefact]] = {
     "sources": PlannedSources,
@@ -38,7 +38,7 @@ OF_TABLE = ("name", "figure", "title", "first", "baseline", "metric", "each", "s
 OF_PLOT = ("name", "figure", "kind", "title", "caption", "each", "select", *SELECTING)
 
 
-def pictures(entry: Given, planned: Sequence[Planned]) -> Iterator[PlannedPicture]:
+def pictures(entry: Given, planned: Sequence[Selectable]) -> Iterator[PlannedPicture]:
     """The picture of an entry, or one of each distribution, method or set."""
     from qinit_cli.plots import PLOTS
 
@@ -65,10 +65,14 @@ def pictures(entry: Given, planned: Sequence[Planned]) -> Iterator[PlannedPictur
             )
 
 
-def tables(entry: Given, planned: Sequence[Planned], study: Given) -> Iterator[PlannedTable]:
+def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterator[PlannedTable]:
     """The table of an entry, or one of each distribution, method or set."""
     selected = select(entry, planned, (PlannedRun,))
     name = entry.of("name", str) or "compare"
+    first = entry.of("first", int)
+    if first is not None and first < 1:
+        entry.refuse(f"first is {first}; it must be at least 1", "first")
+    baseline = _baseline(entry, planned) or _baseline(study, planned) or "zero"
     for ending, those in _each(entry, selected):
         yield PlannedTable(
             f"{name}{ending}",
@@ -78,17 +82,18 @@ def tables(entry: Given, planned: Sequence[Planned], study: Given) -> Iterator[P
                 "{first}", str(entry.of("first", int))
             ),
             entry.of("first", int),
-            entry.of("baseline", str) or study.of("baseline", str) or "zero",
+            baseline,
             _metric(entry) or _metric(study) or "return",
         )
 
 
-def usual(planned: Sequence[Planned], study: Given) -> Iterator[Shown]:
+def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
     """What is shown where the file names nothing: curves and a bar chart of all runs, and a table."""
     from qinit_cli.plots.bars import BarsPlot
     from qinit_cli.plots.curves import CurvesPlot
 
     runs = [one for one in sorted(planned, key=lambda one: one.place) if isinstance(one.artefact, PlannedRun)]
+    runs = _once(runs)
     if not runs:
         return
     # runs that learn otherwise stand in tables and pictures of their own
@@ -106,12 +111,14 @@ def usual(planned: Sequence[Planned], study: Given) -> Iterator[Shown]:
             tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
             f"Methods on the same targets{f', {ending[1:]}' if ending else ''}",
             None,
-            study.of("baseline", str) or "zero",
+            _baseline(study, planned) or "zero",
             _metric(study) or "return",
         )
 
 
-def select(entry: Given, planned: Sequence[Planned], kinds: tuple[type[Artefact], ...]) -> list[Planned]:
+def select(
+    entry: Given, planned: Sequence[Selectable], kinds: tuple[type[Artefact], ...]
+) -> list[Selectable]:
     """The artefacts of the first of the kinds that the entry selects, by distribution, method and source set; refuses none."""
     selections = entry.tables("select")
     for one in selections:
@@ -122,13 +129,21 @@ def select(entry: Given, planned: Sequence[Planned], kinds: tuple[type[Artefact]
         if selections:
             found = [one for one in found if any(_selected(each, one, those) for each in selections)]
         if found:
-            return sorted(found, key=lambda one: one.place)
+            return _once(sorted(found, key=lambda one: one.place))
     return entry.refuse(
         "no artefact of the study is selected; widen distributions, methods, fits, where or select"
     )
 
 
-def _selected(entry: Given, one: Planned, those: Sequence[Planned]) -> bool:
+def _once(those: Iterable[Selectable]) -> list[Selectable]:
+    """Each artefact once: two entries of the file may plan the same."""
+    once: dict[Artefact, Selectable] = {}
+    for one in those:
+        once.setdefault(one.artefact, one)
+    return list(once.values())
+
+
+def _selected(entry: Given, one: Selectable, those: Sequence[Selectable]) -> bool:
     """Whether it has one of the names that are listed for what it has, and the values that are asked for."""
     applying = [("distributions", one.distributions)]
     if not isinstance(one.artefact, PlannedSources):
@@ -157,7 +172,7 @@ def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]
             yield f"{above}{key}", value
 
 
-def _each(entry: Given, selected: list[Planned]) -> Iterator[tuple[str, list[Planned]]]:
+def _each(entry: Given, selected: list[Selectable]) -> Iterator[tuple[str, list[Selectable]]]:
     """The selection whole, or cut by `each`, with what a file's name ends with."""
     each = entry.of("each", str)
     if each is None:
@@ -168,17 +183,17 @@ def _each(entry: Given, selected: list[Planned]) -> Iterator[tuple[str, list[Pla
     yield from _cut(selected, each)
 
 
-def _cut(selected: Sequence[Planned], each: str) -> Iterator[tuple[str, list[Planned]]]:
+def _cut(selected: Sequence[Selectable], each: str) -> Iterator[tuple[str, list[Selectable]]]:
     """The selection by what `each` names, with what a file's name ends with."""
     ending = _by_targets(selected) if each == "targets" else EACH[each]
-    cut: dict[str, list[Planned]] = {}
+    cut: dict[str, list[Selectable]] = {}
     for one in selected:
         cut.setdefault(ending(one), []).append(one)
     for name, those in cut.items():
         yield f"-{name}" if name else "", those
 
 
-def _by_targets(selected: Sequence[Planned]) -> Callable[[Planned], str]:
+def _by_targets(selected: Sequence[Selectable]) -> Callable[[Selectable], str]:
     """What names how targets are learned: the options that differ among the selection."""
     there = [dict(one.settings) for one in selected]
     varied = [
@@ -189,7 +204,7 @@ def _by_targets(selected: Sequence[Planned]) -> Callable[[Planned], str]:
         and len({str(one.get(name)) for one in there}) > 1
     ]
 
-    def ending(one: Planned) -> str:
+    def ending(one: Selectable) -> str:
         told = dict(one.settings)
         words = [f"{name.removeprefix('targets.')}-{told.get(name)}" for name in varied]
         return re.sub(r"[^A-Za-z0-9.]+", "-", "-".join(words)).strip("-")
@@ -197,17 +212,17 @@ def _by_targets(selected: Sequence[Planned]) -> Callable[[Planned], str]:
     return ending
 
 
-def _distribution(one: Planned) -> str:
+def _distribution(one: Selectable) -> str:
     family = family_of(one.artefact)
     return family.label.removeprefix(f"{family.name}-")
 
 
-def _method(one: Planned) -> str:
+def _method(one: Selectable) -> str:
     label = one.artefact.method.label if isinstance(one.artefact, PlannedRun) else "none"
     return label.replace("+", "-plus-").replace(" ", "-").replace("=", "-")
 
 
-def _set(one: Planned) -> str:
+def _set(one: Selectable) -> str:
     return f"seed-{sources_of(one.artefact).learning.seed}"
 
 
@@ -240,7 +255,17 @@ def _metric(given: Given) -> Metric | None:
     return given.refuse(f"metric is {asked!r}; {nearest(asked, METRICS)}", "metric")
 
 
-def _filled(text: str | None, those: Sequence[Planned]) -> str | None:
+def _baseline(given: Given, planned: Sequence[Selectable]) -> str | None:
+    """The label of a method of the study; None where none is named."""
+    asked: str | None = given.of("baseline", str)
+    labels = {one.artefact.method.label for one in planned if isinstance(one.artefact, PlannedRun)}
+    if asked is not None and asked not in labels:
+        ending = nearest(asked, sorted(labels)) if labels else "no method stands in the study"
+        return given.refuse(f"baseline is {asked}; {ending}", "baseline")
+    return asked
+
+
+def _filled(text: str | None, those: Sequence[Selectable]) -> str | None:
     """A title or a caption with its sizes and names filled in."""
     if text is None:
         return None
@@ -255,7 +280,7 @@ def _filled(text: str | None, those: Sequence[Planned]) -> str | None:
     return text
 
 
-def sources_told(one: Planned) -> str:
+def sources_told(one: Selectable) -> str:
     """The sources in words."""
     sources = sources_of(one.artefact)
     learning = sources.learning.learning(type(sources.family))
@@ -265,7 +290,7 @@ def sources_told(one: Planned) -> str:
     return f"{counted(count, 'source task')} of {learning.episodes:,} episodes"
 
 
-def sizes(those: Sequence[Planned]) -> str:
+def sizes(those: Sequence[Selectable]) -> str:
     """Sources and targets in words: those of the first artefact, and of optimal where it has fewer targets."""
     first = those[0]
     if not isinstance(first.artefact, PlannedRun):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.errors import Interrupted, QinitError
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
+from qinit_cli.pipeline.pace import Pace
 from qinit_cli.pipeline.reporter import Reporter, Whole
 from qinit_cli.pipeline.together import together
 from qinit_cli.study.ahead import Ahead, report_spent
@@ -21,8 +22,8 @@ from qinit_cli.study.folder import PROGRESS, REPORT, opened
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost, Foresight
 from qinit_cli.study.making import Maker, Place
 from qinit_cli.study.manifest import STAGES as SPENT_STAGES
-from qinit_cli.study.manifest import Kind, Spent, manifest
-from qinit_cli.study.pace import DRAWING, Pace, kind_of
+from qinit_cli.study.manifest import FolderKind, Spent, manifest
+from qinit_cli.study.pace import DRAWING, kind_of
 from qinit_cli.study.planned import (
     STAGES,
     Artefact,
@@ -59,7 +60,7 @@ class StudyWork:
 
     study: Study
     name: str  # on its lines
-    kind: Kind
+    kind: FolderKind
     asked: Mapping[str, Any]  # what a folder must agree with to be gone on with
     output: Path  # the folder
     keeping: Keeping  # where artefacts go

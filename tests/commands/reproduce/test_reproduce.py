@@ -183,7 +183,7 @@ def test_a_reproduction_of_other_settings_is_replaced_with_force_alone_and_forei
     assert "--force" in refused.err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert here("reproduce", "figA1", "--scale", "quick", "-o", "out", "--force").code == 0
-    names = {"notes.txt", "reproduction.json", "verdicts.json", "figA1.svg", "figA1.png"}
+    names = {"notes.txt", "reproduction.json", "report.html", "verdicts.json", "figA1.svg", "figA1.png"}
     assert {path.name for path in out.iterdir()} == names
 
 

@@ -1,0 +1,32 @@
+"""Tables as files, read by pandas and pyarrow."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from qinit_cli.study.table_files import csv_of, parquet_of
+
+ROWS = [
+    {"method": 'a, "b"', "targets": "größe\n2", "return": 0.1 + 0.2, "regret": None, "tasks": 3},
+    {"method": "zero", "targets": "", "return": -1e-300, "regret": 0.5, "tasks": 4},
+]
+
+
+def test_csv_is_read_back_by_pandas() -> None:
+    pandas = pytest.importorskip("pandas")
+    read = pandas.read_csv(io.BytesIO(csv_of(ROWS)), dtype=str, keep_default_na=False)
+    assert list(read.columns) == list(ROWS[0])
+    assert list(read["method"]) == [row["method"] for row in ROWS]
+    assert list(read["targets"]) == [row["targets"] for row in ROWS]
+    assert [float(one) for one in read["return"]] == [row["return"] for row in ROWS]
+    assert list(read["regret"]) == ["", "0.5"]
+    assert list(read["tasks"]) == ["3", "4"]
+
+
+def test_parquet_is_read_back_by_pyarrow() -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    content = parquet_of(ROWS)
+    assert content is not None
+    assert parquet.read_table(io.BytesIO(content)).to_pylist() == ROWS

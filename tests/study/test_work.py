@@ -1,0 +1,126 @@
+"""`qinit study run`: plain commands make the same, a killed run goes on, a failure ends nothing else."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ready import Ready
+
+from qinit_cli.study.making import Maker
+from qinit_cli.study.planned import PlannedRun
+
+TEXT = """\
+[[distribution]]
+family = "gridworld"
+size = 5
+variance = 2
+sources = { tasks = 4, episodes = 60 }
+targets = { tasks = 3, episodes = 20 }
+
+[[method]]
+name = ["zero", "mean", "maxqinit"]
+
+[[plot]]
+kind = "curves"
+name = "all"
+
+[[plot]]
+kind = "curves"
+name = "of mean"
+methods = ["mean", "zero"]
+
+[[plot]]
+kind = "curves"
+name = "of max"
+methods = ["maxqinit", "zero"]
+"""
+Here = Callable[..., Any]
+
+
+def _study(folder: Path, text: str = TEXT) -> Path:
+    (folder / "a study.toml").write_text(text)
+    return folder / "a study.toml"
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "study.json").read_text()))
+
+
+def _hashes(folder: Path) -> list[str]:
+    return [one["content_sha256"] for one in _manifest(folder)["artefacts"]]
+
+
+def test_a_run_makes_all_once_and_plain_commands_find_the_same(here: Here, tmp_path: Path) -> None:
+    file = _study(tmp_path)
+    first = here("study", "run", file, "-o", "out", "-q", "--json").json
+    assert (first["artefacts"], first["made"], first["drawn"], first["failed"]) == (5, 5, 3, [])
+    again = here("study", "run", file, "-o", "out", "--json")
+    assert "already complete" in again.err
+    assert (again.json["made"], again.json["drawn"]) == (0, 0)
+    for one in _manifest(tmp_path / "out")["artefacts"]:
+        plain = here(*shlex.split(one["command"])[1:], "--json")
+        assert "already complete" in plain.err
+        assert (plain.json["path"], plain.json["digest"]) == (one["path"], one["content_sha256"])
+
+    _study(tmp_path, TEXT[: TEXT.rindex("[[plot]]")])
+    assert here("study", "run", file, "-o", "out", "-q").code == 0
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.[sp][vn]g")) == [
+        "all.png",
+        "all.svg",
+        "of mean.png",
+        "of mean.svg",
+    ]
+
+
+def test_what_fails_is_reported_and_made_by_the_next_run(
+    here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, make = _study(tmp_path), Maker.make
+
+    def failing(self: Maker, artefact: Any, *more: Any) -> Any:
+        if isinstance(artefact, PlannedRun) and artefact.method.name == "maxqinit":
+            raise ZeroDivisionError("on purpose")
+        return make(self, artefact, *more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Maker, "make", failing)
+        ended = here("study", "run", file, "-o", "out")
+    assert ended.code == 3
+    assert ended.out == "out\n"
+    assert "ZeroDivisionError: on purpose; alone it is qinit transfer maxqinit" in ended.err
+    told = _manifest(tmp_path / "out")
+    assert not told["complete"]
+    assert [one["file"] for one in told["figures"]] == ["of mean.svg"]
+    assert not (tmp_path / "out" / "of max.svg").exists()
+    again = here("study", "run", file, "-o", "out", "-q", "--json")
+    assert (again.code, again.json["made"], again.json["drawn"]) == (0, 1, 2)
+    assert _manifest(tmp_path / "out")["complete"]
+
+
+def test_a_folder_with_something_else_is_refused_and_left_alone(here: Here, tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "cat.png").write_bytes(b"cat")
+    ended = here("study", "run", _study(tmp_path), "-o", "photos", "--force")
+    assert (ended.code, ended.out) == (4, "")
+    assert "something other than a study" in ended.err
+    assert [path.name for path in (tmp_path / "photos").iterdir()] == ["cat.png"]
+    assert not (tmp_path / "qinit-store").exists()
+
+
+def test_killed_it_goes_on_to_the_same_hashes(here: Here, tmp_path: Path, ready: Ready) -> None:
+    file = _study(tmp_path)
+    with ready.process(tmp_path, "study", "run", str(file), "-o", "out") as process:
+        process.wait_until(lambda: bool(list(tmp_path.glob("qinit-store/runs/*.h5"))))
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+    assert not _manifest(tmp_path / "out")["complete"]
+    assert here("study", "run", file, "-o", "out", "-q").code == 0
+    assert here("study", "run", file, "-o", "straight", "--store", "other", "-q").code == 0
+    assert _hashes(tmp_path / "out") == _hashes(tmp_path / "straight")
+    assert len(_hashes(tmp_path / "out")) == 5
