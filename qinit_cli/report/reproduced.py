@@ -66,7 +66,7 @@ def _material(
         figures=[_figure(folder, one) for one in manifest["figures"]],
         undrawn=[],
         absent=absent,
-        shares=None,
+        shares=_json(folder, manifest["sensitivity"]["file"]) if "sensitivity" in manifest else None,
         of_claims=manifest["verdicts"] is not None,
     )
 

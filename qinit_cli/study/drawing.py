@@ -15,6 +15,7 @@ from qinit_cli.study.planned import (
     PlannedJudgement,
     PlannedPicture,
     PlannedRun,
+    PlannedShares,
     PlannedTable,
     Shown,
 )
@@ -52,6 +53,12 @@ class Drawing:
         if table.first is not None:
             runs = [run.first(table.first) for run in runs]
         return told(stage.compare(runs, table.baseline, table.metric), table.metric)
+
+    def shares(self, shares: PlannedShares) -> dict[str, Any]:
+        """What `qinit sensitivity --format json` prints of these runs."""
+        from qinit_cli.comparison.sensitivity import SCHEMA, shares_told
+
+        return {"schema": SCHEMA, **vars(shares_told(self.runs(shares.runs), shares.metric))}
 
     def verdicts(self, judgement: PlannedJudgement) -> dict[str, Any]:
         """What `qinit verdicts --format json` prints of these artefacts; of a single figure, what it bears on alone."""
@@ -94,6 +101,8 @@ def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
             told += [plot.name, asdict(plot)]
         case PlannedTable(first=first, baseline=baseline, metric=metric):
             told += [str(first), baseline, metric]
+        case PlannedShares(metric=metric):
+            told.append(metric)
         case PlannedJudgement(whole=whole):
             told.append(str(whole))
     return hashlib.sha256(canonical_json(told).encode()).hexdigest()

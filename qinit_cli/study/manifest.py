@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from qinit_store.reading import Description
 
 STAGES = ("sources", "fits", "tunings", "runs", "pictures", "tables", "verdicts")
-VERDICTS = "verdicts"  # the name of the entry that is no table
+VERDICTS, SHARES = "verdicts", "sensitivity"  # names of the entries that are no comparison
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def manifest(
 ) -> dict[str, Any]:
     """The manifest; `before` is that of an earlier attempt, whose time is counted too."""
     entries = list(entries)
-    judged = next((entry for entry in entries if entry["name"] == VERDICTS), {})
+    judged = _named(entries, VERDICTS)
     earlier = {stage["stage"]: stage for stage in before.get("stages", [])}
     return {
         "schema": kind.schema,
@@ -71,15 +71,27 @@ def manifest(
         "stages": [_added(stage, own, earlier.get(stage, {})) for stage, own in spent.items()],
         "artefacts": _artefacts(artefacts),
         "figures": [entry for entry in entries if "png" in entry],
-        "tables": [entry for entry in entries if "png" not in entry and entry is not judged],
+        "tables": [
+            entry
+            for entry in entries
+            if "png" not in entry and entry is not judged and entry["name"] != SHARES
+        ],
+        **({SHARES: shares} if (shares := _named(entries, SHARES)) else {}),
         "verdicts": judged.get("file"),
         "verdicts_made_of": judged.get("made_of"),
     }
 
 
+def _named(entries: Iterable[dict[str, Any]], name: str) -> dict[str, Any]:
+    """The entry of that name; an empty one where there is none."""
+    return next((entry for entry in entries if entry["name"] == name), {})
+
+
 def entries_of(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The entries that a manifest was made of."""
     entries = [*manifest.get("figures", []), *manifest.get("tables", [])]
+    if SHARES in manifest:
+        entries.append(manifest[SHARES])
     if manifest.get("verdicts") is not None:
         judged = {"file": manifest["verdicts"], "made_of": manifest.get("verdicts_made_of")}
         entries.append({"name": VERDICTS, **judged})

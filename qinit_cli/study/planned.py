@@ -150,6 +150,22 @@ class PlannedTable:
 
 
 @dataclass(frozen=True)
+class PlannedShares:
+    """What decides the average of these runs, as `qinit sensitivity` has it."""
+
+    runs: tuple[PlannedRun, ...]
+    metric: Metric = "return"
+    name: str = "sensitivity"
+    figure: str = "sensitivity"
+    title: str = "What decides the average"
+
+    @property
+    def artefacts(self) -> tuple[Artefact, ...]:
+        """What it is made of."""
+        return self.runs
+
+
+@dataclass(frozen=True)
 class PlannedJudgement:
     """The paper's claims, as `qinit verdicts` judges them from artefacts."""
 
@@ -160,4 +176,4 @@ class PlannedJudgement:
     title: str = "The paper's claims"
 
 
-Shown = PlannedPicture | PlannedTable | PlannedJudgement
+Shown = PlannedPicture | PlannedTable | PlannedShares | PlannedJudgement

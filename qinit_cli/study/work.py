@@ -29,6 +29,7 @@ from qinit_cli.study.planned import (
     Artefact,
     PlannedJudgement,
     PlannedPicture,
+    PlannedShares,
     PlannedTable,
     Shown,
     inputs,
@@ -263,7 +264,10 @@ class StudyWork:
                     entry |= self._picture(shown, drawing, reporter)
             case PlannedTable():
                 with self._counted("tables"):
-                    entry |= self._table(shown, drawing)
+                    entry |= self._table(shown.name, drawing.table(shown))
+            case PlannedShares():
+                with self._counted("tables"):
+                    entry |= self._table(shown.name, drawing.shares(shown))
             case PlannedJudgement():
                 with self._counted("verdicts"):
                     self._folder.write_json(file, drawing.verdicts(shown))
@@ -279,19 +283,16 @@ class StudyWork:
             drawn.save(self._folder.picture(file))
         return {"png": png, "caption": shown.caption, "alt": drawn.alt, "title": shown.title or drawn.title}
 
-    def _table(self, shown: PlannedTable, drawing: Drawing) -> dict[str, str]:
-        """Saves it as JSON, CSV and Parquet; its part of the manifest's entry."""
+    def _table(self, name: str, table: dict[str, Any]) -> dict[str, str]:
+        """Saves its rows as JSON, CSV and, with pyarrow, Parquet; its part of the manifest's entry."""
         from qinit_cli.study.table_files import csv_of, parquet_of
 
-        table = drawing.table(shown)
-        self._folder.write_json(file_of(shown), table)
-        files = {"csv": f"{shown.name}.csv", "parquet": f"{shown.name}.parquet"}
-        self._folder.write(files["csv"], csv_of(table["rows"]))
-        content = parquet_of(table["rows"])
-        if content is None:
-            del files["parquet"]
-        else:
-            self._folder.write(files["parquet"], content)
+        self._folder.write_json(f"{name}.json", table)
+        files: dict[str, str] = {}
+        for kind, content in (("csv", csv_of(table["rows"])), ("parquet", parquet_of(table["rows"]))):
+            if content is not None:
+                files[kind] = f"{name}.{kind}"
+                self._folder.write(files[kind], content)
         return files
 
     def _report(self) -> None:
