@@ -22,7 +22,7 @@ from qinit_cli.study.folder import PROGRESS, REPORT, opened
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost, Foresight
 from qinit_cli.study.making import Maker, Place
 from qinit_cli.study.manifest import STAGES as SPENT_STAGES
-from qinit_cli.study.manifest import FolderKind, Spent, manifest
+from qinit_cli.study.manifest import FolderKind, Spent, entries_of, manifest
 from qinit_cli.study.pace import DRAWING, kind_of
 from qinit_cli.study.planned import (
     STAGES,
@@ -123,7 +123,9 @@ class StudyWork:
     def make(self, ahead: Ahead, reporter: Reporter) -> dict[str, Any]:
         """Makes and shows what `plan` found missing; what was done, as plain values."""
         undrawn = [file for file in self.shown if file not in self._entries]
-        if ahead.takes or undrawn or not self._folder.before.get("complete"):
+        # a file may show fewer pictures than before, or caption them otherwise, with nothing to be made
+        changed = {entry["file"]: entry for entry in entries_of(self._folder.before)} != self._entries
+        if ahead.takes or undrawn or changed or not self._folder.before.get("complete"):
             self._complete(ahead.takes, undrawn, reporter)
         else:
             reporter.note(f"{self.name}: already complete")
@@ -152,7 +154,11 @@ class StudyWork:
             artefact not in self.digests for artefact in shown.artefacts
         ):
             return None
-        return self._folder.standing(file, made_of(shown, self.digests))
+        entry = self._folder.standing(file, made_of(shown, self.digests))
+        if entry is None:
+            return None
+        told = {"caption": shown.caption} if isinstance(shown, PlannedPicture) else {}
+        return entry | {"name": shown.figure} | told
 
     def _complete(self, takes: Mapping[Artefact, Cost], undrawn: list[str], reporter: Reporter) -> None:
         folder = self._folder

@@ -68,7 +68,7 @@ def test_a_run_makes_all_once_and_plain_commands_find_the_same(here: Here, tmp_p
         assert "already complete" in plain.err
         assert (plain.json["path"], plain.json["digest"]) == (one["path"], one["content_sha256"])
 
-    _study(tmp_path, TEXT[: TEXT.rindex("[[plot]]")])
+    _study(tmp_path, TEXT[: TEXT.rindex("[[plot]]")] + 'caption = "Another."\n')
     assert here("study", "run", file, "-o", "out", "-q").code == 0
     assert sorted(path.name for path in (tmp_path / "out").glob("*.[sp][vn]g")) == [
         "all.png",
@@ -76,6 +76,8 @@ def test_a_run_makes_all_once_and_plain_commands_find_the_same(here: Here, tmp_p
         "of mean.png",
         "of mean.svg",
     ]
+    assert _manifest(tmp_path / "out")["figures"][1]["caption"] == "Another."
+    assert "already complete" in here("study", "run", file, "-o", "out").err
 
 
 def test_what_fails_is_reported_and_made_by_the_next_run(
