@@ -234,16 +234,24 @@ def work_of(
     from qinit_cli.study.work import StudyWork
 
     asked = {
-        "study": study.title,
-        "question": study.question,
-        "file": str(study.file),
+        "study": study.file.name,
         "scale": study.scale,
         "source_sets": study.sets,
         "only": list(study.selected),
     }
+    told = {"title": study.title, "question": study.question, "file_sha256": study.digest}
     keeping = Output(store=placing.store, wait=wait).keeping
     return StudyWork(
-        study, study.file.name, STUDY, asked, placing.folder(study), keeping, machine, force, at_once
+        study,
+        study.file.name,
+        STUDY,
+        asked,
+        told,
+        placing.folder(study),
+        keeping,
+        machine,
+        force,
+        at_once,
     )
 
 

@@ -46,7 +46,7 @@ def _material(
         named = f"{_named(manifest['target'])} of LogQInit, made again"
         asks = f"What of the paper ({PAPER}) comes out again, at {scale} scale?"
     else:
-        named, asks = manifest["study"], manifest["question"] or ""
+        named, asks = manifest["title"], manifest["question"] or ""
     return Material(
         title=title or named,
         question=question or asks,
@@ -64,7 +64,7 @@ def _material(
         tuned=[],
         verdicts=_json(folder, manifest["verdicts"])["rows"] if manifest["verdicts"] else [],
         figures=[_figure(folder, one) for one in manifest["figures"]],
-        undrawn=[],
+        undrawn=[f"{one['name']}: {one['problem']}" for one in manifest.get("left_out", {}).values()],
         absent=absent,
         shares=_json(folder, manifest["sensitivity"]["file"]) if "sensitivity" in manifest else None,
         of_claims=manifest["verdicts"] is not None,

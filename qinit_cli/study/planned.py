@@ -129,6 +129,7 @@ class PlannedPicture:
     artefacts: tuple[Artefact, ...]
     title: str | None
     caption: str
+    optional: bool = False  # whether it is left out, with a note, where these artefacts make none
 
 
 @dataclass(frozen=True)

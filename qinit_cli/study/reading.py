@@ -10,7 +10,7 @@ import hashlib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -40,7 +40,8 @@ from qinit_cli.study.planned import (
     Values,
     inputs,
 )
-from qinit_cli.study.showing import OF_PLOT, OF_TABLE, family_of, pictures, tables, usual
+from qinit_cli.study.showing import OF_PLOT, OF_TABLE, family_of, pictures, tables
+from qinit_cli.study.usual import usual
 
 TOP = (
     "study",
@@ -102,7 +103,6 @@ class Study:
     shown: tuple[Shown, ...]
     parts: Mapping[str, tuple[str, ...]]
     sets: int | None
-    sizes: Mapping[str, Any] = field(default_factory=dict)  # tasks and episodes by family, for the manifest
     selected: tuple[str, ...] = ()  # names of what alone is asked for; (): all of it
 
     @classmethod
@@ -218,7 +218,6 @@ class _Reading:
             shown=shown,
             parts=self._parts(shown),
             sets=self.sets,
-            sizes=self._sizes(),
         )
 
     def _refuse_many(self) -> NoReturn:
@@ -258,12 +257,6 @@ class _Reading:
 
     def _entries(self, kind: str) -> list[Given]:
         return [self._scaled(entry) for entry in self.top.tables(kind)]
-
-    def _sizes(self) -> dict[str, Any]:
-        """What the file says of sources and targets, for the manifest."""
-        return {
-            name: dict(self._scaled(self.top.table(name), name).values) for name in ("sources", "targets")
-        }
 
     # --- artefacts ----------------------------------------------------------------------------------------------------------
 

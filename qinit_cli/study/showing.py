@@ -18,7 +18,6 @@ from qinit_cli.study.planned import (
     PlannedSources,
     PlannedTable,
     PlannedTuning,
-    Shown,
 )
 from qinit_store.wording import counted
 
@@ -72,7 +71,7 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
     first = entry.of("first", int)
     if first is not None and first < 1:
         entry.refuse(f"first is {first}; it must be at least 1", "first")
-    baseline = _baseline(entry, planned) or _baseline(study, planned) or "zero"
+    baseline = baseline_of(entry, planned) or baseline_of(study, planned) or "zero"
     for ending, those in _each(entry, selected):
         yield PlannedTable(
             f"{name}{ending}",
@@ -83,36 +82,7 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
             ),
             entry.of("first", int),
             baseline,
-            _metric(entry) or _metric(study) or "return",
-        )
-
-
-def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
-    """What is shown where the file names nothing: curves and a bar chart of all runs, and a table."""
-    from qinit_cli.plots.bars import BarsPlot
-    from qinit_cli.plots.curves import CurvesPlot
-
-    runs = [one for one in sorted(planned, key=lambda one: one.place) if isinstance(one.artefact, PlannedRun)]
-    runs = _once(runs)
-    if not runs:
-        return
-    # runs that learn otherwise stand in tables and pictures of their own
-    cut = list(_cut(runs, "targets"))
-    for kind in (CurvesPlot, BarsPlot):
-        for ending, those in cut:
-            artefacts = tuple(one.artefact for one in those)
-            yield PlannedPicture(
-                f"{kind.name}{ending}", kind.name, kind(), artefacts, None, f"{sizes(those)}."
-            )
-    for ending, those in cut:
-        yield PlannedTable(
-            f"compare{ending}",
-            "compare",
-            tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
-            f"Methods on the same targets{f', {ending[1:]}' if ending else ''}",
-            None,
-            _baseline(study, planned) or "zero",
-            _metric(study) or "return",
+            metric_of(entry) or metric_of(study) or "return",
         )
 
 
@@ -129,13 +99,13 @@ def select(
         if selections:
             found = [one for one in found if any(_selected(each, one, those) for each in selections)]
         if found:
-            return _once(sorted(found, key=lambda one: one.place))
+            return once(sorted(found, key=lambda one: one.place))
     return entry.refuse(
         "no artefact of the study is selected; widen distributions, methods, fits, where or select"
     )
 
 
-def _once(those: Iterable[Selectable]) -> list[Selectable]:
+def once(those: Iterable[Selectable]) -> list[Selectable]:
     """Each artefact once: two entries of the file may plan the same."""
     once: dict[Artefact, Selectable] = {}
     for one in those:
@@ -180,10 +150,10 @@ def _each(entry: Given, selected: list[Selectable]) -> Iterator[tuple[str, list[
         return
     if each not in (*EACH, "targets"):
         entry.refuse(f"each is {each!r}; {nearest(each, [*EACH, 'targets'])}", "each")
-    yield from _cut(selected, each)
+    yield from cut(selected, each)
 
 
-def _cut(selected: Sequence[Selectable], each: str) -> Iterator[tuple[str, list[Selectable]]]:
+def cut(selected: Sequence[Selectable], each: str) -> Iterator[tuple[str, list[Selectable]]]:
     """The selection by what `each` names, with what a file's name ends with."""
     ending = _by_targets(selected) if each == "targets" else EACH[each]
     cut: dict[str, list[Selectable]] = {}
@@ -245,7 +215,7 @@ def family_of(artefact: Artefact) -> Family:
     return sources_of(artefact).family
 
 
-def _metric(given: Given) -> Metric | None:
+def metric_of(given: Given) -> Metric | None:
     asked = given.of("metric", str)
     if asked is None:
         return None
@@ -255,7 +225,7 @@ def _metric(given: Given) -> Metric | None:
     return given.refuse(f"metric is {asked!r}; {nearest(asked, METRICS)}", "metric")
 
 
-def _baseline(given: Given, planned: Sequence[Selectable]) -> str | None:
+def baseline_of(given: Given, planned: Sequence[Selectable]) -> str | None:
     """The label of a method of the study; None where none is named."""
     asked: str | None = given.of("baseline", str)
     labels = {one.artefact.method.label for one in planned if isinstance(one.artefact, PlannedRun)}

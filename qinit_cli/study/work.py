@@ -63,6 +63,7 @@ class StudyWork:
     name: str  # on its lines
     kind: FolderKind
     asked: Mapping[str, Any]  # what a folder must agree with to be gone on with
+    told: Mapping[str, Any]  # what its manifest says besides
     output: Path  # the folder
     keeping: Keeping  # where artefacts go
     machine: Machine
@@ -76,6 +77,7 @@ class StudyWork:
     def __post_init__(self) -> None:
         self._maker = Maker(self.keeping, self._share(), self.study.imports)
         self._entries: Entries = {}
+        self._left_out: dict[str, dict[str, str]] = {}  # optional pictures, by file
 
     def _share(self) -> Machine:
         """How much of the machine one artefact uses."""
@@ -98,6 +100,8 @@ class StudyWork:
         self._folder = opened(self.output, self.kind, dict(self.asked), force=self.force)
         self.find()
         self._entries = {file: entry for file in self.shown if (entry := self._standing(file))}
+        before = self._folder.before.get("left_out", {})
+        self._left_out = {file: told for file, told in before.items() if self._of_now(file, told)}
         missing = [one for one in self.artefacts if one not in self.paths]
         return Ahead(
             self.name,
@@ -105,7 +109,7 @@ class StudyWork:
             self.artefacts,
             Foresight(self.machine).expected(missing),
             tuple(self.shown),
-            len(self.shown) - len(self._entries),
+            len(self._undrawn),
             self.keeping.store or Path(),
             self.machine.threads,
         )
@@ -122,7 +126,7 @@ class StudyWork:
 
     def make(self, ahead: Ahead, reporter: Reporter) -> dict[str, Any]:
         """Makes and shows what `plan` found missing; what was done, as plain values."""
-        undrawn = [file for file in self.shown if file not in self._entries]
+        undrawn = self._undrawn
         # a file may show fewer pictures than before, or caption them otherwise, with nothing to be made
         changed = {entry["file"]: entry for entry in entries_of(self._folder.before)} != self._entries
         if ahead.takes or undrawn or changed or not self._folder.before.get("complete"):
@@ -134,7 +138,7 @@ class StudyWork:
             "path": str(self._folder.path),
             "manifest": str(self._folder.path / self.kind.manifest),
             "artefacts": len(self.artefacts),
-            "made": len(ahead.takes) - len(self.failed),
+            "made": sum(self.spent[stage].made for stage in STAGES.values()),
             "drawn": len(undrawn),
             "failed": [asdict(one) for one in self.failed],
             "steps": sum(spent.steps for spent in self.spent.values()),
@@ -146,6 +150,15 @@ class StudyWork:
 
         self.paths[artefact] = path
         self.digests[artefact] = describe(path).content_sha256
+
+    @property
+    def _undrawn(self) -> list[str]:
+        """The files that are still to be made."""
+        return [file for file in self.shown if file not in self._entries and file not in self._left_out]
+
+    def _of_now(self, file: str, told: Mapping[str, str]) -> bool:
+        """Whether a picture that was left out would be made of the same."""
+        return file in self.shown and told["made_of"] == made_of(self.shown[file], self.digests)
 
     def _standing(self, file: str) -> dict[str, Any] | None:
         """The manifest's entry of a picture or table that need not be made again."""
@@ -168,7 +181,13 @@ class StudyWork:
         def write(*, complete: bool) -> None:
             told = manifest(
                 self.kind,
-                {**self.asked, "complete": complete, "failed": [asdict(one) for one in self.failed]},
+                {
+                    **self.asked,
+                    **self.told,
+                    "complete": complete,
+                    "failed": [asdict(one) for one in self.failed],
+                    "left_out": self._left_out,
+                },
                 [self._entries[file] for file in self.shown if file in self._entries],
                 [self.paths[artefact] for artefact in self.artefacts if artefact in self.paths],
                 self.spent,
@@ -259,7 +278,12 @@ class StudyWork:
                 try:
                     self._entries[file] = self._shown(shown, file, drawing, whole)
                 except QinitError as error:
-                    self._fail(Failed(shown.name, _problem(error)), whole)
+                    if isinstance(shown, PlannedPicture) and shown.optional:
+                        told = {"name": shown.name, "problem": _problem(error)}
+                        self._left_out[file] = told | {"made_of": made_of(shown, self.digests)}
+                        whole.note(f"{shown.name} is left out: {told['problem']}")
+                    else:
+                        self._fail(Failed(shown.name, _problem(error)), whole)
 
     def _shown(self, shown: Shown, file: str, drawing: Drawing, reporter: Reporter) -> dict[str, Any]:
         """Draws one; its entry in the manifest."""
