@@ -96,9 +96,7 @@ def _artefacts(
             continue
         [told] = described([place]).values()
         if told["content_sha256"] != one["content_sha256"]:
-            raise NotAllowed(
-                f"{place} is not what the pictures of {folder} were made of; run qinit make it again"
-            )
+            raise NotAllowed(f"{place} is not what the pictures of {folder} were made of; make it again")
         found.append(told)
     said = [
         f"{counted(len(lacking), 'artefact')} of {len(made)} cannot be told of here, being neither in place nor in the store: "
