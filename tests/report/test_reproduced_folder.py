@@ -76,7 +76,7 @@ def test_artefacts_that_are_no_longer_the_same_are_refused(here: Run, folder: Pa
     changed(folder, artefacts=[{**first, "content_sha256": "0" * 64}, *rest])
     ended = here("report", folder)
     assert (ended.code, ended.out) == (4, "")
-    assert "make it again" in ended.err
+    assert f"{folder} were made of; make it again" in ended.err
 
 
 @pytest.mark.parametrize(
