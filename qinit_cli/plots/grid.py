@@ -138,7 +138,7 @@ def grid(
     for axes in drawn.flat[: len(panels)]:
         axes.tick_params(length=0)
         axes.tick_params(axis="x", rotation=90 if crowded else 0)
-    bar = figure.colorbar(image, ax=drawn.ravel().tolist(), label=folded(label, height), aspect=30)
+    bar = figure.colorbar(image, ax=list(drawn.flat[: len(panels)]), label=folded(label, height), aspect=30)
     bar.outline.set_visible(False)
     figure.supylabel(by.name)
     figure.supxlabel(f"{over.name}\n{beneath}" if beneath else over.name)

@@ -66,7 +66,7 @@ def _material(
         figures=[_figure(folder, one) for one in manifest["figures"]],
         undrawn=[f"{one['name']}: {one['problem']}" for one in manifest.get("left_out", {}).values()],
         absent=absent,
-        shares=_json(folder, manifest["sensitivity"]["file"]) if "sensitivity" in manifest else None,
+        shares=_json(folder, manifest["shares"]["file"]) if "shares" in manifest else None,
         of_claims=manifest["verdicts"] is not None,
     )
 

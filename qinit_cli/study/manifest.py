@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from qinit_store.reading import Description
 
 STAGES = ("sources", "fits", "tunings", "runs", "pictures", "tables", "verdicts")
-VERDICTS, SHARES = "verdicts", "sensitivity"  # names of the entries that are no comparison
+VERDICTS, SHARES = "verdicts", "shares"  # names of the entries that are no comparison
 
 
 @dataclass(frozen=True)

@@ -156,8 +156,8 @@ class PlannedShares:
 
     runs: tuple[PlannedRun, ...]
     metric: Metric = "return"
-    name: str = "sensitivity"
-    figure: str = "sensitivity"
+    name: str = "shares"
+    figure: str = "shares"
     title: str = "What decides the average"
 
     @property
