@@ -40,7 +40,7 @@ def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
     apart = list(cut(runs, "targets"))
     for kind in (CurvesPlot, BarsPlot):
         for ending, those in apart:
-            yield _picture(f"{kind.name}{ending}", kind(), those)
+            yield _picture(f"{kind.name}{ending}", kind(), those, ending[1:])
     for ending, those in apart:
         title = f"Methods on the same targets{f', {ending[1:]}' if ending else ''}"
         yield PlannedTable(f"compare{ending}", "compare", _runs(those), title, None, baseline, metric)
@@ -92,7 +92,8 @@ def _is_number(value: object) -> bool:
 
 def _picture(name: str, plot: Plot, those: Sequence[Selectable], *, optional: bool = False) -> PlannedPicture:
     artefacts = tuple(one.artefact for one in those)
-    return PlannedPicture(name, plot.name, plot, artefacts, None, f"{sizes(those)}.", optional)
+    caption = f"{of}; {sizes(those)}." if of else f"{sizes(those)}."
+    return PlannedPicture(name, plot.name, plot, artefacts, None, caption, optional)
 
 
 def _runs(those: Sequence[Selectable]) -> tuple[PlannedRun, ...]:
