@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 from qinit_cli.commands.console import Lines, Printed, TaskBar, clock, console
 from qinit_cli.commands.option_groups import Display
-from qinit_cli.pipeline.reporter import Whole
+from qinit_cli.pipeline.reporter import Progress, Whole
 from qinit_store.wording import printable
 
 if TYPE_CHECKING:
-    from qinit_cli.pipeline.reporter import Progress
     from qinit_cli.watch import Watch
 
 TRUSTED_AFTER = 5.0  # expected seconds: from then on the time left is judged by how long that really took ...
@@ -80,6 +79,10 @@ class WholeBar(Printed, Whole):
     def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
         """The tasks of one artefact, as part of the whole."""
         return _Part(self, what, done, total, watch)
+
+    def storing(self, what: str, total: int) -> Progress:
+        """Shows nothing: what an artefact is expected to take includes it."""
+        return Progress()
 
     def _left(self, done: float) -> float:
         since, before = self._begun[0]

@@ -109,6 +109,7 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
     NotAllowed or SystemFailed where it would not fit, see `room`.
     """
     from qinit_cli.pipeline.room import check_artefact, check_room
+    from qinit_cli.pipeline.storing import store
     from qinit_store.held import HeldWork
 
     check_artefact(plan.footprint)
@@ -130,7 +131,11 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
                 None if machine.dask else machine.threads,
             )
             tally = _learn_missing(artefact, asked, missing, plan, machine, reporter, keeping.command)
-            artefact.finish(artefact.saved, statics=plan.statics, provenance=origin, inputs=list(plan.inputs))
+            statics, inputs = plan.statics, list(plan.inputs)
+            if isinstance(artefact, HeldWork):
+                artefact.finish(artefact.saved, statics=statics, provenance=origin, inputs=inputs)
+            else:
+                store(artefact, plan.what, reporter, machine.threads, statics, origin, inputs)
     return made(path, artefact, tally, complete)
 
 

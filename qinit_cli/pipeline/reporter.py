@@ -27,6 +27,10 @@ class Reporter:
         """The progress of `total` tasks, `done` of them before; `watch` counts steps and tasks at work."""
         return Progress()
 
+    def storing(self, what: str, total: int) -> Progress:
+        """The progress of bringing `total` learned tasks into their artefact."""
+        return Progress()
+
     def whole(self, count: int, expected: float) -> Whole:
         """The progress over `count` things to make, expected to take so many seconds together."""
         return Whole()

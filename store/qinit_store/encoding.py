@@ -82,7 +82,9 @@ def write(
         for name, dataset in per_task.items()
         if whole_rows(dataset)
     }
-    largest = max((math.prod(one.chunks) * one.dtype.itemsize for one in per_task.values() if one.chunks), default=1)
+    largest = max(
+        (math.prod(one.chunks) * one.dtype.itemsize for one in per_task.values() if one.chunks), default=1
+    )
     ahead = threads + min(MOST_WAITING, WAITING_BYTES // largest)
     for made in in_order(_calls(blocks, per_task, chunks), threads, ahead):
         if made is not None:

@@ -103,8 +103,8 @@ def _deflated(planes: Array) -> bytes:
     for worth, group in groupby(planes, _worth):
         level = LEVEL if worth else 0
         deflating = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
-        pieces += [deflating.compress(np.concatenate(list(group))), deflating.flush(zlib.Z_SYNC_FLUSH)]
-    return b"".join([*pieces, LAST_BLOCK, zlib.adler32(planes).to_bytes(4, "big")])
+        pieces += [deflating.compress(np.concatenate(list(group)).data), deflating.flush(zlib.Z_SYNC_FLUSH)]
+    return b"".join([*pieces, LAST_BLOCK, zlib.adler32(planes.data).to_bytes(4, "big")])
 
 
 def _worth(plane: Array) -> bool:
@@ -112,7 +112,7 @@ def _worth(plane: Array) -> bool:
     if middle <= 0:
         return True
     sample = plane[middle : middle + SAMPLE_BYTES]
-    return len(zlib.compress(sample, LEVEL)) < WORTH * SAMPLE_BYTES
+    return len(zlib.compress(sample.data, LEVEL)) < WORTH * SAMPLE_BYTES
 
 
 def fletcher32(content: bytes) -> int:
