@@ -56,7 +56,7 @@ def describe(path: Path) -> Description:
     from qinit_store import reading
     from qinit_store.errors import Damaged
 
-    found = described(reading.describe(path))
+    found, _ = described(reading.describe(path))
     if found.problem:
         raise Damaged(found.problem)
     return found
