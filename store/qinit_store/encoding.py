@@ -27,7 +27,7 @@ LIBVER = ("v110", "v110")
 PACKING: Mapping[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": 1}
 CHUNK_BYTES = 256 * 1024
 MOST_WAITING = 64  # chunks, and blocks to be checked
-WAITING_BYTES = 2 * BLOCK_BYTES  # of chunks that are made and not yet written
+WAITING_BYTES = BLOCK_BYTES // 2  # of chunks that are made and not yet written
 LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES; readers refuse 64 MiB
 
 
