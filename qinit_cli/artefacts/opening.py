@@ -56,24 +56,23 @@ def describe(path: Path) -> Description:
     from qinit_store import reading
     from qinit_store.errors import Damaged
 
-    found = described(reading.describe(path))
+    found, _ = described(reading.describe(path))
     if found.problem:
         raise Damaged(found.problem)
     return found
 
 
-def described(entry: Description) -> Description:
-    """The entry of a list, without its settings if they cannot be; it is then "damaged" if a command of ours made it."""
+def described(entry: Description) -> tuple[Description, Settings | None]:
+    """The entry of a list and its settings, without them if they cannot be; it is then "damaged" if a command of ours made it."""
     if not entry.spec:
-        return entry
+        return entry, None
     try:
-        read(entry.kind, entry.spec)
+        return entry, read(entry.kind, entry.spec)
     except ValueError as fault:
         unknown = replace(entry, spec={})
         if entry.state == "done" and _ours(entry.spec):
-            return replace(unknown, state="damaged", problem=f"{entry.path} is damaged: {fault}")
-        return unknown
-    return entry
+            return replace(unknown, state="damaged", problem=f"{entry.path} is damaged: {fault}"), None
+        return unknown, None
 
 
 def settings_of(entry: Description) -> Settings | None:

@@ -115,6 +115,12 @@ class Printed(Reporter):
         """A bar on a terminal, else plain lines."""
         return TaskBar(self._display, what, done, total, watch)
 
+    def storing(self, what: str, total: int) -> Progress:
+        """The same."""
+        from qinit_cli.watch import Watch
+
+        return TaskBar(self._display, what, 0, total, Watch())
+
 
 class TaskBar(Progress):
     """Tasks finished, speed and the time left: a bar on a terminal, else plain lines."""

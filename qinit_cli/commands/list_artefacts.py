@@ -63,12 +63,11 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
-    from qinit_cli.artefacts.opening import described, settings_of
+    from qinit_cli.artefacts.opening import described
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
-    found = (described(entry) for entry in Store(Path(reading.store)).entries())
-    there = [(entry, settings_of(entry)) for entry in found]
+    there = [described(entry) for entry in Store(Path(reading.store)).entries()]
     entries = [one for one in there if listing.wanted(one[0])]
     for_people = tabular.chosen == "table"
     columns = [

@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, Self
 from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock, console
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.pace import UnderWay
-from qinit_cli.pipeline.reporter import Whole
+from qinit_cli.pipeline.reporter import Progress, Whole
 from qinit_store.wording import counted, printable
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.pace import Kind, Pace
-    from qinit_cli.pipeline.reporter import Progress
     from qinit_cli.watch import Watch
 
 WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`
@@ -107,6 +106,10 @@ class WholeBar(Printed, Whole):
     def progress(self, what: str, done: int, total: int, watch: Watch) -> Progress:
         """The tasks of one artefact, as part of the whole."""
         return _Part(self, what, done, total, watch)
+
+    def storing(self, what: str, total: int) -> Progress:
+        """Shows nothing: what an artefact is expected to take includes it."""
+        return Progress()
 
     def _write(self, left: float) -> None:
         """Keeps where it stands in a file, whole or not at all; a failure to do so ends nothing."""

@@ -120,6 +120,7 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
     NotAllowed or SystemFailed where it would not fit, see `room`.
     """
     from qinit_cli.pipeline.room import check_artefact, check_room
+    from qinit_cli.pipeline.storing import store
     from qinit_store.held import HeldWork
 
     check_artefact(plan.footprint)
@@ -142,9 +143,11 @@ def make(plan: Plan, keeping: Keeping, machine: Machine, reporter: Reporter = SI
             )
             tally = _learn_missing(artefact, asked, missing, plan, machine, reporter, keeping.command)
             ready = plan.prepared
-            artefact.finish(
-                artefact.saved, statics=ready.statics, provenance=origin, inputs=list(ready.inputs)
-            )
+            inputs = list(ready.inputs)
+            if isinstance(artefact, HeldWork):
+                artefact.finish(artefact.saved, statics=ready.statics, provenance=origin, inputs=inputs)
+            else:
+                store(artefact, plan.what, reporter, machine.threads, ready.statics, origin, inputs)
     return made(path, artefact, tally, complete)
 
 

@@ -31,6 +31,10 @@ class Reporter:
         """The progress of `total` tasks, `done` of them before; `watch` counts steps and tasks at work."""
         return Progress()
 
+    def storing(self, what: str, total: int) -> Progress:
+        """The progress of bringing `total` learned tasks into their artefact."""
+        return Progress()
+
     def whole(self, count: int, pace: Pace, kept: Path) -> Whole:
         """The progress over `count` things to make; where it stands is written into the file `kept` now and then."""
         return Whole(pace)

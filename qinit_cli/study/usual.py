@@ -90,7 +90,9 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _picture(name: str, plot: Plot, those: Sequence[Selectable], *, optional: bool = False) -> PlannedPicture:
+def _picture(
+    name: str, plot: Plot, those: Sequence[Selectable], of: str = "", *, optional: bool = False
+) -> PlannedPicture:
     artefacts = tuple(one.artefact for one in those)
     caption = f"{of}; {sizes(those)}." if of else f"{sizes(those)}."
     return PlannedPicture(name, plot.name, plot, artefacts, None, caption, optional)

@@ -68,7 +68,11 @@ class Store:
 
     def names(self) -> list[str]:
         """The names of the finished artefacts, without `.h5`, in order."""
-        return sorted(path.stem for path in self._paths())
+        return sorted(
+            name.removesuffix(SUFFIX)
+            for folder in folders(self.root)
+            for name in self._finished_names(folder)
+        )
 
     def entries(self) -> Iterator[Description]:
         """What there is, finished and not, in the order of folders and names; one that is damaged says so."""
@@ -102,10 +106,11 @@ class Store:
             yield from self._finished(folder)
 
     def _finished(self, folder: str) -> list[Path]:
+        return [self.root / folder / name for name in self._finished_names(folder)]
+
+    def _finished_names(self, folder: str) -> list[str]:
         there = names(self.root / folder)
-        return [
-            self.root / folder / name for name in there if name.endswith(SUFFIX) and not name.startswith(".")
-        ]
+        return [name for name in there if name.endswith(SUFFIX) and not name.startswith(".")]
 
     def _named(self, name: str) -> list[Path]:
         full = name if name.endswith(SUFFIX) else name + SUFFIX

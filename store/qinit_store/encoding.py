@@ -7,7 +7,8 @@ values with fletcher32 silent. No variable-length types, but for the dimension s
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,9 @@ import h5py
 import numpy as np
 
 from qinit_store.digest import content_sha256
-from qinit_store.schema import TASK, Array, Axis, Column, Schema
+from qinit_store.in_order import in_order
+from qinit_store.packing import Chunks, Packed, whole_rows
+from qinit_store.schema import BLOCK_BYTES, TASK, TASK_DIGEST, Array, Axis, Column, Schema
 from qinit_store.spec import Spec, canonical_json, spec_sha256
 
 SCHEMA_VERSION = 1
@@ -25,10 +28,13 @@ LIBVER = ("v110", "v110")
 PACKING: Mapping[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": 1}
 CHUNK_BYTES = 256 * 1024
 IMAGE_ROOM = 64 * 1024  # of a part file, for what is not rows
+MOST_WAITING = 64  # chunks, and blocks to be checked
+WAITING_BYTES = BLOCK_BYTES // 2  # of chunks that are made and not yet written
 LARGEST_CHUNK_BYTES = 16 * 1024 * 1024  # one task alone may exceed CHUNK_BYTES; readers refuse 64 MiB
 
 
 _NUMBERS = itertools.count()
+Check = Callable[[], None]  # raises where rows are not what was saved
 
 
 @dataclass(frozen=True)
@@ -48,14 +54,16 @@ def write(
     ids: Array,
     digests: Array,
     statics: Mapping[str, Array],
-    blocks: Iterable[tuple[int, Mapping[str, Array]]],
+    blocks: Iterable[tuple[Mapping[str, Array], Check]],
     *,
     passing: bool = False,
+    threads: int = 1,
 ) -> str:
     """Fill `file`; the content hash in hexadecimal.
 
-    `ids` are ascending; `blocks` yield (first row, columns with a leading task axis), so that memory is
-    bounded by the block. A schema without task columns writes no task scale. `passing`: the file is there
+    `ids` are ascending; `blocks` yield (columns with a leading task axis, what checks them), in that order, so that
+    memory is bounded by the block. Blocks are checked and chunks made on `threads` threads; the file's bytes do not
+    depend on how many. A schema without task columns writes no task scale. `passing`: the file is there
     until its rows are in another, and its hashed columns stand there as they are: compression and checksums
     would take nine tenths of the time that writing takes, and the digests tell what is damaged.
     """
@@ -71,9 +79,15 @@ def write(
     }
     for column in schema.static_columns:
         written[column.name][...] = statics[column.name]
-    for first, rows in blocks:
-        for name, values in rows.items():
-            written[name][first : first + len(values)] = values
+    per_task = {column.name: written[column.name] for column in schema.task_columns}
+    chunks = {name: Chunks(dataset) for name, dataset in per_task.items() if whole_rows(dataset)}
+    largest = max(
+        (math.prod(one.chunks) * one.dtype.itemsize for one in per_task.values() if one.chunks), default=1
+    )
+    ahead = threads + min(MOST_WAITING, WAITING_BYTES // largest)
+    for made in in_order(_calls(blocks, per_task, chunks), threads, ahead):
+        if made is not None:
+            made.write()
     return content
 
 
@@ -91,7 +105,7 @@ def image(
     room = IMAGE_ROOM + sum(values.nbytes for values in rows.values())
     name = f"image {next(_NUMBERS)}"  # HDF5 opens none twice, in whatever thread
     with h5py.File(name, "w", driver="core", backing_store=False, libver=LIBVER, block_size=room) as file:
-        write(file, header, schema, ids, digests, {}, [(0, rows)], passing=passing)
+        write(file, header, schema, ids, digests, {}, [(rows, _sound)], passing=passing)
         file.flush()
         content: bytes = file.id.get_file_image()
     return content
@@ -138,6 +152,29 @@ def create(
     return file.create_dataset(
         name, shape, dtype, chunks=chunks, fletcher32=True, track_order=ordered, **PACKING
     )
+
+
+def _sound() -> None:
+    """The check of rows that are at hand."""
+
+
+def _calls(
+    blocks: Iterable[tuple[Mapping[str, Array], Check]],
+    datasets: Mapping[str, h5py.Dataset],
+    chunks: Mapping[str, Chunks],
+) -> Iterator[Callable[[], Packed | None]]:
+    """Checks the blocks and makes the chunks; a task that is larger than a chunk goes through HDF5's own filters."""
+    first = 0
+    for rows, check in blocks:
+        yield check
+        for name, dataset in datasets.items():
+            if name in chunks:
+                yield from chunks[name].add(rows[name])
+            elif dataset.size:
+                dataset[first : first + len(rows[name])] = rows[name]
+        first += len(rows[TASK_DIGEST])
+    for one in chunks.values():
+        yield from one.end()
 
 
 def _write_header(file: h5py.File, header: Header, content: str, tasks: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,6 +16,7 @@ from qinit_store import guard, kinds
 from qinit_store.digest import content_sha256, task_digests
 from qinit_store.encoding import MIN_READER, SCHEMA_VERSION
 from qinit_store.errors import Damaged, NotOurs, Refused, StoreError, TooNew
+from qinit_store.in_order import in_order
 from qinit_store.interrupts import held_back
 from qinit_store.schema import (
     ANYTHING,
@@ -43,6 +45,12 @@ ROOT_ATTRIBUTES = (
     "provenance_json",
     "inputs_json",
 )
+
+Told = Callable[[int, int], None]  # receives how many tasks of how many are done
+
+
+def silent(done: int, tasks: int) -> None:
+    """Tells nobody."""
 
 
 @dataclass(frozen=True)
@@ -194,17 +202,34 @@ class Artefact:
 
     def rows(self, first: int, stop: int) -> dict[str, Array]:
         """Every task column, and `task`, of the rows from `first` up to `stop`, verified."""
+        rows, check = self.rows_to_check(first, stop)
+        check()
+        return rows
+
+    def rows_to_check(self, first: int, stop: int) -> tuple[dict[str, Array], Callable[[], None]]:
+        """The same, not verified, and what verifies them, on any thread; no number of theirs counts before it has returned."""
         rows = self._unverified(first, stop)
+        return rows, partial(self._check, first, rows)
+
+    def _check(self, first: int, rows: dict[str, Array]) -> None:
         if (wrong := self._undigested(first, rows)).any():
             raise self.damage(f"the digest of task {first_few(rows[TASK][wrong].tolist(), 5)} does not hold")
         if (wrong := self.schema.misfits(rows)).any():
             raise self.damage(f"in task {first_few(rows[TASK][wrong].tolist(), 5)} {self.schema.fault(rows)}")
-        return rows
 
-    def check_tasks(self) -> None:
-        """Read every task; Damaged where a digest does not hold, or a value cannot be."""
+    def check_tasks(self, threads: int = 1, told: Told = silent) -> None:
+        """Read every task; Damaged where a digest does not hold, or a value cannot be.
+
+        Read on this thread, checked on `threads`; `told` receives how many tasks of how many have been read.
+        """
+        for _ in in_order(self._checks(told), threads, threads):
+            pass
+
+    def _checks(self, told: Told) -> Iterator[Callable[[], None]]:
         for first in range(0, self.task_count, self.schema.block_size):
-            self.rows(first, min(first + self.schema.block_size, self.task_count))
+            stop = min(first + self.schema.block_size, self.task_count)
+            yield self.rows_to_check(first, stop)[1]
+            told(stop, self.task_count)
 
     def close(self) -> None:
         _close(self._source, self._file)
@@ -224,7 +249,7 @@ class Artefact:
         rows = {name: read[name] if name in read else self._ahead[name][first:stop].copy() for name in names}
         return {TASK: self.tasks[first:stop].copy(), **rows}
 
-    def damaged_tasks(self, told: Callable[[int, int], None] = lambda read, tasks: None) -> Array:
+    def damaged_tasks(self, told: Told = silent) -> Array:
         """The ids of the tasks that cannot be read, whose digest does not hold, or that hold a value that cannot be.
 
         `told` receives how many tasks of how many have been read, after each block.

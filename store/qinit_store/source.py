@@ -91,6 +91,8 @@ class Source(io.RawIOBase):
 
     def damage(self, reason: str) -> StoreError:
         """Damaged for this reason; SystemFailed where the file is no longer the one that was opened."""
+        if self.closed:  # what was read before is checked
+            return self._damage(reason)
         try:
             found = os.fstat(self._descriptor)
         except OSError as problem:
@@ -99,6 +101,9 @@ class Source(io.RawIOBase):
             return SystemFailed(
                 f"{self.path} was written by another program while it was read; run the same command again"
             )
+        return self._damage(reason)
+
+    def _damage(self, reason: str) -> Damaged:
         return Damaged(f"{self.path} is damaged: {reason}; see `{shell_line('qinit', 'verify', self.path)}`")
 
     def _sound(self, call: Callable[[], T]) -> T:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -18,7 +19,7 @@ from qinit_store.errors import Busy, Damaged, NotFound, Refused, SystemFailed, T
 from qinit_store.interrupts import HeldBack, held_back
 from qinit_store.lock import Lock, held
 from qinit_store.presence import AGAIN, exists, is_folder, status
-from qinit_store.reading import Artefact, describe, open_artefact, open_part
+from qinit_store.reading import Artefact, Told, describe, open_artefact, open_part, silent
 from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema
 from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
@@ -166,7 +167,10 @@ class Work:
 
     def row(self, number: int) -> dict[str, Array]:
         """The verified columns of the saved task with the id `number`, without their task axis."""
-        return {name: values[0] for name, values in self._gathered([number]).items()}
+        with _OpenParts(self._schema.kind) as parts:
+            rows, check = self._gathered([number], parts)
+        check()
+        return {name: values[0] for name, values in rows.items()}
 
     def adopt(self, artefact: Artefact, places: Mapping[int, int] | None = None) -> None:
         """Take over the tasks of an artefact with the same spec apart from "tasks".
@@ -195,10 +199,15 @@ class Work:
         statics: Mapping[str, Any] | None = None,
         provenance: Mapping[str, Any] | None = None,
         inputs: Sequence[Mapping[str, str]] = (),
+        *,
+        threads: int = 1,
+        written: Told = silent,
+        checked: Told = silent,
     ) -> Path:
         """Publish the tasks with ids `tasks`, all of them saved, and the `statics`; the artefact's path.
 
-        The work folder goes. Memory is bounded by a block of tasks.
+        The work folder goes. On at most `threads` threads; memory is bounded by some blocks of tasks. `written` and then
+        `checked` receive how many tasks of how many the new file holds, and how many of them were read back.
         """
         ids = np.sort(_checked_ids(NO_TASKS if tasks is None else tasks))
         self._refuse_beyond(set(ids.tolist()))
@@ -209,8 +218,8 @@ class Work:
         header = self._header(f"qinit/{self._schema.kind}", self._record.spec, provenance or {}, inputs)
         whole = self.folder / folder.WHOLE
         with self._keeping():
-            content = self._build(whole, header, ids, values)
-            self._check(whole, content)
+            content = self._build(whole, header, ids, values, threads, written)
+            self._check(whole, content, threads, checked)
             self._refuse_replaced()
             publish.reveal(self._disk, whole, self.target, replace=self._replaces)
             self.complete = self._published = True
@@ -396,16 +405,28 @@ class Work:
             " or discard it with --force"
         )
 
-    def _build(self, whole: Path, header: encoding.Header, ids: Array, statics: Mapping[str, Array]) -> str:
+    def _build(
+        self,
+        whole: Path,
+        header: encoding.Header,
+        ids: Array,
+        statics: Mapping[str, Array],
+        threads: int,
+        told: Told,
+    ) -> str:
         """Write the final file; its content hash."""
         joined = b"".join(self._digests[number] for number in ids.tolist())
         digests = np.frombuffer(joined, dtype=np.uint8).reshape(-1, DIGEST_BYTES)
         with held_back() as signals:
             growing = publish.Growing(self._disk, whole, self._room(ids, statics))
             try:
-                with h5py.File(growing, "w", libver=encoding.LIBVER) as file:
-                    blocks = self._blocks(ids, growing, signals)
-                    content = encoding.write(file, header, self._schema, ids, digests, statics, blocks)
+                with ExitStack() as stack:
+                    parts = stack.enter_context(_OpenParts(self._schema.kind))
+                    file = stack.enter_context(h5py.File(growing, "w", libver=encoding.LIBVER))
+                    blocks = self._blocks(ids, parts, growing, signals, told)
+                    content = encoding.write(
+                        file, header, self._schema, ids, digests, statics, blocks, threads=threads
+                    )
                 growing.finish()
             except BaseException:
                 growing.abandon()
@@ -420,21 +441,23 @@ class Work:
         )
 
     def _blocks(
-        self, ids: Array, growing: publish.Growing, signals: HeldBack
-    ) -> Iterator[tuple[int, dict[str, Array]]]:
-        """The verified rows of the parts in the order of `ids`, about 8 MiB at a time."""
+        self, ids: Array, parts: _OpenParts, growing: publish.Growing, signals: HeldBack, told: Told
+    ) -> Iterator[tuple[dict[str, Array], encoding.Check]]:
+        """The rows of the parts in the order of `ids`, about 8 MiB at a time, and what verifies them."""
         size = self._schema.block_size
         for first in range(0, ids.size, size):
             growing.check()
             signals.deliver()
-            yield first, self._gathered(ids[first : first + size].tolist())
+            yield self._gathered(ids[first : first + size].tolist(), parts)
+            told(min(first + size, ids.size), ids.size)
         growing.check()
 
-    def _gathered(self, numbers: list[int]) -> dict[str, Array]:
+    def _gathered(self, numbers: list[int], parts: _OpenParts) -> tuple[dict[str, Array], encoding.Check]:
         block = {
             column.name: np.empty((len(numbers), *self._schema.row_shape(column)), dtype=column.little_endian)
             for column in self._schema.task_columns
         }
+        checks: list[encoding.Check] = []
         by_part: dict[Path, list[tuple[int, int]]] = {}
         for position, number in enumerate(numbers):
             path, row = self._places[number]
@@ -442,17 +465,17 @@ class Work:
         for path, places in by_part.items():
             positions, found = zip(*places, strict=True)
             # Parts and blocks are in the order of ids, so what lies between belongs to the block too.
-            with open_part(path, self._schema.kind) as part:
-                rows = part.rows(found[0], found[-1] + 1)
+            rows, check = parts[path].rows_to_check(found[0], found[-1] + 1)
+            checks.append(check)
             for name, values in block.items():
                 values[list(positions)] = rows[name]
-        return block
+        return block, partial(_all_hold, checks)
 
-    def _check(self, whole: Path, content: str) -> None:
+    def _check(self, whole: Path, content: str, threads: int, told: Told) -> None:
         """Read the final file back; every digest must hold."""
         try:
             with open_artefact(whole, self._schema.kind) as artefact:
-                artefact.check_tasks()
+                artefact.check_tasks(threads, told)
                 sound = artefact.content_sha256 == content
         except Damaged:
             sound = False
@@ -508,6 +531,36 @@ class Work:
             f"the work folder {self.folder} was moved or removed while this was being written, with {saved} saved tasks"
             " in it; move it back and the same command goes on with them, without it they are learned again"
         )
+
+
+class _OpenParts:
+    """Part files that are open, the few that were asked for last: a block after a block is mostly in the same."""
+
+    MOST = 4
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+        self._open: dict[Path, Artefact] = {}  # the one asked for last at the end
+
+    def __getitem__(self, path: Path) -> Artefact:
+        if path not in self._open:
+            if len(self._open) == self.MOST:
+                self._open.pop(next(iter(self._open))).close()
+            self._open[path] = open_part(path, self._kind)
+        self._open[path] = self._open.pop(path)
+        return self._open[path]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for part in self._open.values():
+            part.close()
+
+
+def _all_hold(checks: Iterable[encoding.Check]) -> None:
+    for check in checks:
+        check()
 
 
 def _make_parents(path: Path, disk: Disk) -> None:
