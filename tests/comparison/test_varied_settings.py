@@ -82,7 +82,7 @@ def test_options_of_exploration_learner_and_method_are_settings_and_schedules_ca
     assert varied.named("explore", "--over").values == ("boltzmann", "epsilon-greedy")
     assert varied.named("alpha", "--over").values == (0.1, "linear:0.5:0.1:10")
     assert not varied.named("alpha", "--over").numeric
-    quantiles = [ran(qinit.methods["logqinit-quantile"](quantile), fit) for quantile in (0.3, 0.5)]
+    quantiles = [ran(qinit.methods["logqinit-quantile"](quantile=quantile), fit) for quantile in (0.3, 0.5)]
     methods = VariedRuns.of(compared(quantiles))
     assert methods.method.values == ("logqinit-quantile, quantile 0.3", "logqinit-quantile, quantile 0.5")
     assert [one.name for one in methods.varied] == ["logqinit-quantile.quantile"]
