@@ -299,7 +299,7 @@ def _lines(runs: Sequence[ComparedRun], known: Sequence[Known], varying: set[str
     labels = []
     for run, own in zip(runs, known, strict=True):
         options = [
-            f"{name.removeprefix(f'{run.label}.')} {setting_text(own[name])}"
+            f"{name.removeprefix(f'{run.method}.')} {setting_text(own[name])}"
             for name in _of_method(run)
             if name in varying and name in own and setting_text(own[name]) not in run.label
         ]
