@@ -96,6 +96,17 @@ def test_every_command_of_the_page_on_continuous_environments_works(tmp_path: Pa
     assert "square-fit.h5" in ended.stdout
 
 
+def test_every_command_of_the_page_on_sensitivity_works(tmp_path: Path, ready: Ready) -> None:
+    blocks = _blocks("sh", README.parent / "docs" / "sensitivity.md")
+    (tmp_path / "bin").mkdir()
+    ended = _run(blocks, tmp_path, tmp_path / "bin", ready)
+    assert ended.returncode == 0, ended.stderr
+    assert "interactions\t" in ended.stdout
+    assert len((tmp_path / "variance.csv").read_text().splitlines()) == 1 + 3 * 3 * 2
+    pictures = {path.name for path in tmp_path.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
+    assert pictures == {"sensitivity.png", "grid.png", "ranks.png"}
+
+
 def test_the_readme_shows_commands() -> None:
     commands = "\n".join(_blocks("sh"))
     for stage in ("train-sources", "fit", "transfer", "compare", "plot", "list"):

@@ -165,10 +165,12 @@ def _settings(run: ComparedRun) -> Known:
     targets = {FAMILY: settings.family.name, **_options(settings.family)}
     found: Known = {}
     sources = settings.source_set
+    own = {} if settings.imported else _learned(plain_learning(settings.learning))
+    own["tasks"] = settings.tasks
     if settings.imported or not run.reads_sources:
-        found |= targets | {f"{OF_TARGETS}{name}": value for name, value in targets.items()}
+        found |= targets | own | {f"{OF_TARGETS}{name}": value for name, value in targets.items()}
     else:
-        found |= {FAMILY: sources.family.name, **_options(sources.family)}
+        found |= {FAMILY: sources.family.name, **_options(sources.family)} | own
         found |= {f"{OF_TARGETS}{name}": value for name, value in targets.items()}
         found[f"{OF_SOURCES}tasks"] = sources.tasks
         found[f"{OF_SOURCES}learner"] = sources.learner
@@ -178,9 +180,6 @@ def _settings(run: ComparedRun) -> Known:
         else:
             found[f"{OF_SOURCES}gamma"] = sources.learning.gamma
         found |= {name: _value(getattr(sources.fitted, name)) for name in sources.given}
-    if not settings.imported:
-        found |= _learned(plain_learning(settings.learning))
-    found["tasks"] = settings.tasks
     found |= _of_method(run)
     return found
 
@@ -216,7 +215,7 @@ def _of_method(run: ComparedRun) -> Known:
     stored = run.settings.method
     plain = {name: value for name, value in stored.spec().items() if name not in ("name", "label")}
     return {
-        f"{stored.label}.{key.removesuffix('.name')}": value
+        f"{stored.name}.{key.removesuffix('.name')}": value
         for name, given in plain.items()
         for key, value in _flat(name, given)
     }
@@ -264,23 +263,35 @@ def _setting(name: str, known: Sequence[Known]) -> VariedSetting:
 
 
 def _merged(settings: Sequence[VariedSetting], known: Sequence[Known]) -> list[VariedSetting]:
-    """The settings of several values; those that never differ apart from an earlier one are told as `alike`."""
+    """The settings of several values; of those that never differ apart one, which every run has that has the others.
+
+    Of several such the earliest; the others are told as `alike`.
+    """
     found: list[VariedSetting] = []
     for setting in (one for one in settings if len(one.values) > 1):
         for at, first in enumerate(found):
-            if _together(first.name, setting.name, known):
-                found[at] = VariedSetting(first.name, first.values, (*first.alike, setting.name))
+            kept, other = (setting, first) if _wider(setting.name, first.name, known) else (first, setting)
+            if _implied(other.name, kept.name, known):
+                alike = (*first.alike, other.name) if kept is first else (*first.alike, first.name)
+                found[at] = VariedSetting(kept.name, kept.values, alike)
                 break
         else:
             found.append(setting)
     return found
 
 
-def _together(first: str, second: str, known: Sequence[Known]) -> bool:
-    """Whether each value of either setting comes with one value of the other, in the runs that have both."""
-    pairs = {(told[first], told[second]) for told in known if first in told and second in told}
-    had = [{told[name] for told in known if name in told} for name in (first, second)]
-    return len(pairs) == len(had[0]) == len(had[1])
+def _wider(first: str, second: str, known: Sequence[Known]) -> bool:
+    """Whether more runs have the first setting than the second."""
+    return sum(first in told for told in known) > sum(second in told for told in known)
+
+
+def _implied(name: str, by: str, known: Sequence[Known]) -> bool:
+    """Whether every run of the setting has the other too, and each value of either comes with one of the other."""
+    if any(name in told and by not in told for told in known):
+        return False
+    pairs = {(told[by], told[name]) for told in known if name in told}
+    had = [{told[each] for told in known if each in told} for each in (by, name)]
+    return len(pairs) == len(had[0]) == len(had[1]) and {value for value, _ in pairs} == had[0]
 
 
 def _lines(runs: Sequence[ComparedRun], known: Sequence[Known], varying: set[str]) -> list[str]:
@@ -288,9 +299,9 @@ def _lines(runs: Sequence[ComparedRun], known: Sequence[Known], varying: set[str
     labels = []
     for run, own in zip(runs, known, strict=True):
         options = [
-            f"{name.removeprefix(f'{run.label}.')} {setting_text(own[name])}"
+            f"{name.removeprefix(f'{run.method}.')} {setting_text(own[name])}"
             for name in _of_method(run)
-            if name in varying and name in own
+            if name in varying and name in own and setting_text(own[name]) not in run.label
         ]
         labels.append(", ".join([run.label, *options]))
     return labels

@@ -30,6 +30,30 @@ def test_settings_that_differ_together_are_one_and_the_given_one_names_it() -> N
     assert varied.named("mean", "--over").name == "size"
 
 
+def test_a_setting_of_sources_and_targets_is_the_targets_which_every_method_has() -> None:
+    family = qinit.families.gridworld(size=4, variance=1)
+    fits = [
+        qinit.fit(qinit.train_sources(family, tasks=3, learner="exact", gamma=gamma)) for gamma in (0.9, 0.95)
+    ]
+    runs = [ran(method, fit) for method in ("mean", "zero") for fit in fits]
+    varied = VariedRuns.of(compared(runs))
+    assert [(one.name, one.alike) for one in varied.varied] == [("gamma", ("sources.gamma",))]
+    rows = [row for row in qinit.sensitivity(runs, "gamma").rows if row["method"] == "zero"]
+    assert [row["return"] for row in rows] == pytest.approx([run.returns().mean() for run in runs[2:]])
+
+
+def test_a_setting_that_some_runs_lack_is_not_taken_for_one_that_they_differ_in() -> None:
+    runs = [ran("zero", fitted(), explore=f"boltzmann:temperature={own}") for own in (0.1, 0.5)]
+    runs += [ran("zero", fitted(), epsilon=own) for own in (0.1, 0.3)]
+    varied = VariedRuns.of(compared(runs))
+    assert {one.name: one.alike for one in varied.varied} == {"explore": (), "temperature": (), "epsilon": ()}
+    rows = qinit.sensitivity(runs, "temperature").rows
+    assert [(row["value"], row["where"]) for row in rows] == [
+        (0.1, "explore boltzmann"),
+        (0.5, "explore boltzmann"),
+    ]
+
+
 def test_a_short_name_is_enough_where_it_is_one_setting_s() -> None:
     runs = [ran("mean", fitted(tasks=tasks)) for tasks in (3, 4)]
     assert VariedRuns.of(compared(runs)).named("tasks", "--over").name == "sources.tasks"
@@ -52,16 +76,15 @@ def test_options_of_exploration_learner_and_method_are_settings_and_schedules_ca
     fit = fitted()
     runs = [
         ran("zero", fit, explore=f"boltzmann:temperature={temperature}") for temperature in (0.1, 0.5)
-    ] + [ran("zero", fit), ran("zero", fit, alpha="linear:0.5:0.1:10", learner="sarsa")]
+    ] + [ran("zero", fit), ran("zero", fit, alpha="linear:0.5:0.1:10")]
     varied = VariedRuns.of(compared(runs))
     assert varied.named("temperature", "--over").values == (0.1, 0.5)
     assert varied.named("explore", "--over").values == ("boltzmann", "epsilon-greedy")
     assert varied.named("alpha", "--over").values == (0.1, "linear:0.5:0.1:10")
     assert not varied.named("alpha", "--over").numeric
-    assert varied.named("learner", "--over").name == "alpha"  # both differ in the same run
-    quantiles = [ran("logqinit-quantile", fit, quantile=quantile) for quantile in (0.3, 0.5)]
+    quantiles = [ran(qinit.methods["logqinit-quantile"](quantile=quantile), fit) for quantile in (0.3, 0.5)]
     methods = VariedRuns.of(compared(quantiles))
-    assert methods.method.values == ("logqinit-quantile, quantile 0.3", "logqinit-quantile, quantile 0.5")
+    assert methods.method.values == tuple(one.label for one in methods.runs)
     assert [one.name for one in methods.varied] == ["logqinit-quantile.quantile"]
     assert methods.others() == []
 
@@ -103,8 +126,8 @@ def test_a_method_that_reads_no_sources_counts_at_every_number_of_sources() -> N
 
 
 def test_over_several_families_the_distribution_stands_for_their_options() -> None:
-    gym = qinit.families.windy_gridworld(size=4)
-    other = qinit.fit(qinit.train_sources(gym, tasks=3, learner="exact"))
+    mixture = qinit.families.mixture_gridworld(size=4)
+    other = qinit.fit(qinit.train_sources(mixture, tasks=3, learner="exact"))
     fits = [fitted(1), fitted(2), other]
     runs = [ran(method, fit, epsilon=e) for fit in fits for method in ("zero", "mean") for e in (0.1, 0.3)]
     varied = VariedRuns.of(compared(runs))
@@ -113,7 +136,7 @@ def test_over_several_families_the_distribution_stands_for_their_options() -> No
     ]  # fmt: skip
     names = {row["setting"] for row in qinit.sensitivity(runs).rows}
     assert {"method", "distribution", "epsilon"} <= names
-    assert not {"variance", "family", "p"} & names
+    assert not {"variance", "family", "means"} & names
     assert len({row["where"] for row in qinit.sensitivity(runs, "epsilon").rows}) == 3
 
 

@@ -59,15 +59,15 @@ def test_values_that_span_decades_are_logarithmic_and_categories_stand_evenly(
     drawn: Draw, tmp_path: Path
 ) -> None:
     runs = [
-        ran("zero", fitted(variance, store=tmp_path), store=tmp_path, learner=learner).path
+        ran("zero", fitted(variance, store=tmp_path), store=tmp_path, start=start).path
         for variance in (0.01, 1, 2)
-        for learner in ("q-learning", "sarsa")
+        for start in ("fixed", "anywhere")
     ]
     figure = drawn("sensitivity", *runs, "--over", "variance")
     assert {axes.get_xscale() for axes in figure.axes} == {"log"}
-    axes = drawn("sensitivity", *runs, "--over", "learner", "--panels", "none").axes[0]
+    axes = drawn("sensitivity", *runs, "--over", "start", "--panels", "none").axes[0]
     assert axes.get_xscale() == "linear"
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["q-learning", "sarsa"]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["fixed", "anywhere"]
 
 
 def test_a_grid_has_each_mean_in_its_cell_and_marks_what_was_not_run(drawn: Draw, paths: list[Path]) -> None:
