@@ -103,6 +103,8 @@ SELECTION, PLACING, THREADS = Group(Selection, "Study"), Group(Placing, "Files")
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
     """Adds the subcommands."""
+    from qinit_cli.commands import study_export  # reads the options of this file
+
     add_command(
         actions,
         "check",
@@ -131,6 +133,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
         references=(FILE,),
         help="Make what is missing of a study, then its tables, pictures and report; prints the folder.",
     )
+    study_export.add_to(actions)
 
 
 def work_of(
