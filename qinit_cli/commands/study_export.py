@@ -113,7 +113,10 @@ def export_study(
     slurm = Slurm(submitting.shards or 1, submitting.cpus_per_task or 1, submitting.time or "")
     text = script(commands, form, slurm)
     for table in commands.omitted:
-        note(display, f"table {table} is of the first targets alone, for which qinit compare has no option: left out")
+        note(
+            display,
+            f"table {table} is of the first targets alone, for which qinit compare has no option: left out",
+        )
     if written.output is None:
         print(text, end="", flush=True)
         return

@@ -75,14 +75,25 @@ def exported(study: Study, folder: str) -> Exported:
     omitted = [one.name for one in study.shown if isinstance(one, PlannedTable) and one.first is not None]
     steps += [_of_shown(one, files, study.imports, folder) for one in study.shown if one.name not in omitted]
     every = tuple(files[one] for one in artefacts)
-    words = ["report", *every, "-o", f"{folder}/report.html", "--store", folder, "--title", _line(study.title)]
+    words = [
+        "report",
+        *every,
+        "-o",
+        f"{folder}/report.html",
+        "--store",
+        folder,
+        "--title",
+        _line(study.title),
+    ]
     words += [] if study.question is None else ["--question", _line(study.question)]
     words += _imported(study.imports)
     steps.append(Step("report", f"{folder}/report.html", every, tuple(words)))
     return Exported(study.file.name, folder, tuple(steps), tuple(omitted))
 
 
-def _of_artefact(artefact: Artefact, files: dict[Artefact, str], imports: tuple[str, ...], folder: str) -> Step:
+def _of_artefact(
+    artefact: Artefact, files: dict[Artefact, str], imports: tuple[str, ...], folder: str
+) -> Step:
     output = ["-o", files[artefact]]
     privileged = isinstance(artefact, PlannedRun) and artefact.method.privileged
     # such runs keep the targets' own tables in a store, where another of them may be writing the same

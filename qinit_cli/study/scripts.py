@@ -11,7 +11,9 @@ from qinit_cli.errors import UsageError
 from qinit_cli.study.exporting import Exported, Step
 from qinit_cli.study.forms import Form
 
-SETTINGS = "Settings of stages in qinit.toml or QINIT_* would change what plain commands make: have none of them."
+SETTINGS = (
+    "Settings of stages in qinit.toml or QINIT_* would change what plain commands make: have none of them."
+)
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,9 @@ def script(exported: Exported, form: Form, slurm: Slurm) -> str:
 
 
 def _make(exported: Exported, slurm: Slurm) -> Iterator[str]:
-    yield from _opening(exported, "make -j4", "QINIT_JOBS=1 make -j4 learns one task at once in each command.")
+    yield from _opening(
+        exported, "make -j4", "QINIT_JOBS=1 make -j4 learns one task at once in each command."
+    )
     yield ""
     yield f".PHONY: all\nall: {' '.join(exported.ends)}"
     for step in exported.steps:
