@@ -189,6 +189,8 @@ THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
     """Adds the subcommands."""
+    from qinit_cli.commands import study_export  # reads the options of this file
+
     add_command(
         actions,
         "check",
@@ -217,6 +219,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
         references=(FILE,),
         help="Make what is missing of a study, then its tables, pictures and report; prints the folder.",
     )
+    study_export.add_to(actions)
 
 
 def work_of(
