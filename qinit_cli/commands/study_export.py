@@ -10,7 +10,7 @@ import typer
 
 from qinit_cli.commands.console import note, print_path
 from qinit_cli.commands.option_groups import DISPLAY, Display, Group
-from qinit_cli.commands.study import FILE, SELECTION, Selection
+from qinit_cli.commands.study import FILE, SELECTION, StudySelection
 from qinit_cli.commands.typer_commands import add_command
 from qinit_cli.errors import UsageError
 from qinit_cli.options import check, option
@@ -100,7 +100,7 @@ def add_to(actions: typer.Typer) -> None:
 
 
 def export_study(
-    file: str, selection: Selection, written: Script, submitting: Submitting, display: Display
+    file: str, selection: StudySelection, written: Script, submitting: Submitting, display: Display
 ) -> None:
     """Writes the script and prints its path, or prints the script."""
     form = written.form

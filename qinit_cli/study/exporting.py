@@ -16,6 +16,7 @@ from qinit_cli.study.planned import (
     PlannedJudgement,
     PlannedPicture,
     PlannedRun,
+    PlannedShares,
     PlannedSources,
     PlannedTable,
     Shown,
@@ -53,7 +54,7 @@ class Exported:
     name: str  # of the study's file
     folder: str
     steps: tuple[Step, ...]
-    omitted: tuple[str, ...]  # tables that no plain command makes
+    omitted: tuple[str, ...]  # tables and pictures that no plain command makes
 
     @property
     def ends(self) -> list[str]:
@@ -72,7 +73,7 @@ def exported(study: Study, folder: str) -> Exported:
     artefacts = ordered(study.artefacts)
     files = _files(artefacts, folder)
     steps = [_of_artefact(one, files, study.imports, folder) for one in artefacts]
-    omitted = [one.name for one in study.shown if isinstance(one, PlannedTable) and one.first is not None]
+    omitted = [one.name for one in study.shown if _has_no_command(one)]
     steps += [_of_shown(one, files, study.imports, folder) for one in study.shown if one.name not in omitted]
     every = tuple(files[one] for one in artefacts)
     words = [
@@ -89,6 +90,13 @@ def exported(study: Study, folder: str) -> Exported:
     words += _imported(study.imports)
     steps.append(Step("report", f"{folder}/report.html", every, tuple(words)))
     return Exported(study.file.name, folder, tuple(steps), tuple(omitted))
+
+
+def _has_no_command(shown: Shown) -> bool:
+    """Whether no plain command makes it, or it is left out where its artefacts make none, which no script knows before."""
+    if isinstance(shown, PlannedPicture):
+        return shown.optional
+    return isinstance(shown, PlannedTable) and shown.first is not None
 
 
 def _of_artefact(
@@ -117,6 +125,9 @@ def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...]
             return Step("pictures", target, given, (*words, *_imported(imports)))
         case PlannedTable(baseline=baseline, metric=metric):
             words = ["compare", *given, "--baseline", baseline, "--metric", metric, "--format", "csv"]
+            return Step("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
+        case PlannedShares(metric=metric):
+            words = ["sensitivity", *given, "--metric", metric, "--format", "csv"]
             return Step("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
         case PlannedJudgement():
             words = ["verdicts", *given, "--format", "json"]
