@@ -14,6 +14,7 @@ from qinit_cli.commands.study import FILE, SELECTION, StudySelection
 from qinit_cli.commands.typer_commands import add_command
 from qinit_cli.errors import UsageError
 from qinit_cli.options import check, option
+from qinit_cli.study.exporting import OMITTED
 from qinit_cli.study.forms import BY_NAME, ENDINGS, Form
 
 # of names in a Makefile and a Snakefile, which cannot be quoted
@@ -112,11 +113,8 @@ def export_study(
     commands = exported(selection.study(file), written.folder.rstrip("/") or "/")
     slurm = Slurm(submitting.shards or 1, submitting.cpus_per_task or 1, submitting.time or "")
     text = script(commands, form, slurm)
-    for table in commands.omitted:
-        note(
-            display,
-            f"table {table} is of the first targets alone, for which qinit compare has no option: left out",
-        )
+    for name in commands.omitted:
+        note(display, f"{name} is left out: {OMITTED}")
     if written.output is None:
         print(text, end="", flush=True)
         return

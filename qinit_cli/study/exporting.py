@@ -27,6 +27,9 @@ from qinit_cli.study.planned import (
 from qinit_cli.study.reading import Study
 from qinit_cli.study.words import command
 
+OMITTED = (
+    "no plain command makes a table of the first targets alone, nor a picture only where its runs allow it"
+)
 LONGEST = 100  # characters of a name, of the 255 that file systems have
 
 

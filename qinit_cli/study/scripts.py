@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from qinit_cli.errors import UsageError
-from qinit_cli.study.exporting import Exported, Step
+from qinit_cli.study.exporting import OMITTED, Exported, Step
 from qinit_cli.study.forms import Form
 
 SETTINGS = (
@@ -122,8 +122,8 @@ def _opening(exported: Exported, use: str, *more: str) -> Iterator[str]:
     yield f"# The commands of {exported.name!r}, written by qinit study export. {use}"
     for said in (*more, SETTINGS):
         yield f"# {said}"
-    for table in exported.omitted:
-        yield f"# Left out: table {table!r}, of the first targets alone; qinit compare has no option for it."
+    for name in exported.omitted:
+        yield f"# {name!r} is left out: {OMITTED}"
 
 
 def _line(step: Step) -> str:
