@@ -106,7 +106,7 @@ LATER = {  # commands with many subcommands, made when they are needed, each wit
     ),
     "study": (
         "A whole experiment in one file: write, check, run and export it.",
-        "qinit study run study.toml",
+        "qinit study init -o study.toml",
     ),
     "reproduce": (
         "Reproduce the paper: make what its figures need and draw them; prints the folder.",

@@ -34,7 +34,7 @@ LONGEST = 100  # characters of a name, of the 255 that file systems have
 
 
 @dataclass(frozen=True)
-class Step:
+class ScriptStep:
     """One command and the file that it makes."""
 
     stage: str
@@ -56,7 +56,7 @@ class Exported:
 
     name: str  # of the study's file
     folder: str
-    steps: tuple[Step, ...]
+    steps: tuple[ScriptStep, ...]
     omitted: tuple[str, ...]  # tables and pictures that no plain command makes
 
     @property
@@ -91,7 +91,7 @@ def exported(study: Study, folder: str) -> Exported:
     ]
     words += [] if study.question is None else ["--question", _line(study.question)]
     words += _imported(study.imports)
-    steps.append(Step("report", f"{folder}/report.html", every, tuple(words)))
+    steps.append(ScriptStep("report", f"{folder}/report.html", every, tuple(words)))
     return Exported(study.file.name, folder, tuple(steps), tuple(omitted))
 
 
@@ -104,7 +104,7 @@ def _has_no_command(shown: Shown) -> bool:
 
 def _of_artefact(
     artefact: Artefact, files: dict[Artefact, str], imports: tuple[str, ...], folder: str
-) -> Step:
+) -> ScriptStep:
     output = ["-o", files[artefact]]
     privileged = isinstance(artefact, PlannedRun) and artefact.method.privileged
     # such runs keep the targets' own tables in a store, where another of them may be writing the same
@@ -114,10 +114,10 @@ def _of_artefact(
     tasks = 0
     if isinstance(artefact, PlannedSources):
         tasks = task_count(artefact.family.opened(), "source", artefact.learning.tasks)
-    return Step(STAGES[type(artefact)], files[artefact], made_of, words, tasks=tasks)
+    return ScriptStep(STAGES[type(artefact)], files[artefact], made_of, words, tasks=tasks)
 
 
-def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...], folder: str) -> Step:
+def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...], folder: str) -> ScriptStep:
     given = tuple(files[one] for one in shown.artefacts)
     name = _plain(shown.name)
     match shown:
@@ -125,16 +125,16 @@ def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...]
             target = f"{folder}/pictures/{name}.svg"
             words = ["plot", plot.name, *given, *option_words(plot), "-o", target, "--store", folder]
             words += [] if title is None else ["--title", _line(title)]
-            return Step("pictures", target, given, (*words, *_imported(imports)))
+            return ScriptStep("pictures", target, given, (*words, *_imported(imports)))
         case PlannedTable(baseline=baseline, metric=metric):
             words = ["compare", *given, "--baseline", baseline, "--metric", metric, "--format", "csv"]
-            return Step("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
+            return ScriptStep("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
         case PlannedShares(metric=metric):
             words = ["sensitivity", *given, "--metric", metric, "--format", "csv"]
-            return Step("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
+            return ScriptStep("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
         case PlannedJudgement():
             words = ["verdicts", *given, "--format", "json"]
-            return Step("verdicts", f"{folder}/{name}.json", given, tuple(words), printed=True)
+            return ScriptStep("verdicts", f"{folder}/{name}.json", given, tuple(words), printed=True)
 
 
 def _files(artefacts: Sequence[Artefact], folder: str) -> dict[Artefact, str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from qinit_cli.errors import UsageError
-from qinit_cli.study.exporting import OMITTED, Exported, Step
+from qinit_cli.study.exporting import OMITTED, Exported, ScriptStep
 from qinit_cli.study.forms import Form
 
 SETTINGS = (
@@ -126,7 +126,7 @@ def _opening(exported: Exported, use: str, *more: str) -> Iterator[str]:
         yield f"# {name!r} is left out: {OMITTED}"
 
 
-def _line(step: Step) -> str:
+def _line(step: ScriptStep) -> str:
     """The command as a shell reads it; what it prints gets the file's name once it is whole."""
     line = shlex.join(["qinit", *step.words])
     if not step.printed:
@@ -139,5 +139,5 @@ def _listed(files: list[str] | tuple[str, ...]) -> str:
     return ", ".join(map(repr, files))
 
 
-def _parent(step: Step) -> str:
+def _parent(step: ScriptStep) -> str:
     return str(PurePosixPath(step.target).parent)

@@ -232,7 +232,7 @@ def test_a_group_s_example_works_as_it_stands(command: str, here: Run, pipeline:
     shutil.copy(pipeline.sources, tmp_path / "sources.h5")
     shutil.copy(pipeline.fit, tmp_path / "fit.h5")
     words = shlex.split(example)
-    trial = () if command in ("plot", "start", "tune") else ("--dry-run",)
+    trial = () if command in ("plot", "start", "study", "tune") else ("--dry-run",)
     ended = here(*words[1:], *trial)
     assert words[:2] == ["qinit", command]
     assert ended.code == (4 if command == "tune" else 0), ended.err  # four sources are too few to choose by
