@@ -189,7 +189,7 @@ THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
     """Adds the subcommands."""
-    from qinit_cli.commands import study_export  # reads the options of this file
+    from qinit_cli.commands import study_export, study_status  # read the options of this file
 
     add_command(
         actions,
@@ -219,6 +219,7 @@ def add_to(actions: typer.Typer, only: str | None = None) -> None:
         references=(FILE,),
         help="Make what is missing of a study, then its tables, pictures and report; prints the folder.",
     )
+    study_status.add_to(actions)
     study_export.add_to(actions)
 
 

@@ -16,6 +16,7 @@ from qinit_cli.commands.console import Lines, Printed, TaskBar, announced, clock
 from qinit_cli.commands.option_groups import Display
 from qinit_cli.pipeline.pace import UnderWay
 from qinit_cli.pipeline.reporter import Progress, Whole
+from qinit_cli.study.standing import SCHEMA
 from qinit_store.wording import counted, printable
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from qinit_cli.watch import Watch
 
 WRITTEN_EVERY = 2.0  # seconds: where a study stands, for `qinit study status`
-SCHEMA = "qinit.study-progress/1"
 
 
 class PrintedWhole(Printed):

@@ -26,7 +26,7 @@ from qinit_cli.pipeline import fit as stage
 from qinit_cli.pipeline import fit_statistics as statistics
 from qinit_cli.pipeline.fit import Selection
 from qinit_cli.pipeline.job import Made, Tally, made
-from qinit_cli.pipeline.keeping import Keeping, target_path, working
+from qinit_cli.pipeline.keeping import LONGEST_STEM, Keeping, target_path, working
 from qinit_cli.pipeline.origin import provenance
 from qinit_cli.pipeline.reporter import SILENT, Progress, Reporter
 from qinit_cli.watch import Watch
@@ -36,9 +36,10 @@ from qinit_store.wording import counted
 if TYPE_CHECKING:
     from qinit_cli.arrays import Flags
     from qinit_store.held import Held
-    from qinit_store.reading import Artefact
+    from qinit_store.reading import Artefact, Description
 
 FEWEST_SOURCES = 2  # a spread needs two
+ENDING = len("-01234567.h5")  # of a name in the store: eight digits of the settings' hash
 
 
 @dataclass(frozen=True)
@@ -58,10 +59,19 @@ class Asked:
         return int(self.selection.kept.sum())
 
 
-def place(source: Path | Held, fitting: FitOptions, keeping: Keeping) -> tuple[Path, FitSettings]:
-    """Where the fit of these sources goes, and its settings."""
-    asked = asked_of(source, fitting)
-    return target_path(keeping, asked.stem, asked.settings), asked.settings
+def look(sources: Description, fitting: FitOptions, keeping: Keeping) -> tuple[Path | None, FitSettings]:
+    """Where in the store a fit of these sources stands, None where there is none, and its settings.
+
+    By their description alone, with nothing of the sources read: whoever fits them verifies them.
+    """
+    settings = FitSettings.of(SourcesSettings.read(sources.spec), sources.content_sha256, fitting)
+    label = settings.sources.family.installed(sources.provenance).label
+    # how many sources are fitted, which the name has, would take reading them; the hash behind it tells fits apart
+    named = target_path(keeping, f"{label}-", settings)
+    ending = named.name[-ENDING:]
+    beginning = f"{label}-"[:LONGEST_STEM].rstrip("-._")
+    there = (path for path in named.parent.glob(f"*{ending}") if path.name.startswith(beginning))
+    return min(there, default=None), settings
 
 
 def asked_of(source: Path | Held, fitting: FitOptions) -> Asked:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from qinit_cli.environments.family import task_count
@@ -18,45 +19,47 @@ from qinit_store.wording import counted
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.artefacts.settings import Settings, SourcesSettings
+    from qinit_cli.artefacts.settings import FitSettings, Settings, SourcesSettings
     from qinit_cli.methods import Method
     from qinit_cli.pipeline.job import Made, Plan
     from qinit_cli.pipeline.knowledge import Knowledge
     from qinit_cli.tasks import TargetTasks
+    from qinit_store.reading import Description
 
 Paths = Mapping[Artefact, "Path"]
+Found = Mapping[Artefact, "Description"]
 
 
 @dataclass(frozen=True)
 class Place:
     """Where an artefact belongs."""
 
-    path: Path
+    path: Path | None  # None: a fit that is not there, whose name says how many sources are fitted
     settings: Settings
     tasks: int | None = None  # that it has; None: those of its inputs
 
-    @property
-    def complete(self) -> bool:
-        """Whether it stands there, whole and with these settings."""
+    @cached_property
+    def there(self) -> Description | None:
+        """What stands there, if it is whole and has these settings; looked for once."""
         from qinit_store.errors import StoreError
         from qinit_store.reading import describe
         from qinit_store.spec import canonical_json
 
-        if not self.path.is_file():
-            return False
+        if self.path is None or not self.path.is_file():
+            return None
         try:
             there = describe(self.path)
         except StoreError:
-            return False
+            return None
         same = canonical_json(there.spec) == canonical_json(self.settings.spec())
-        return same and self.tasks in (None, there.tasks)
+        return there if same and self.tasks in (None, there.tasks) else None
 
     @property
     def saved(self) -> int:
         """Tasks that an interrupted attempt saved."""
         from qinit_store.folder import tasks_saved, work_folder
 
-        return tasks_saved(work_folder(self.path))
+        return 0 if self.path is None else tasks_saved(work_folder(self.path))
 
 
 @dataclass
@@ -67,28 +70,29 @@ class Maker:
     machine: Machine
     imports: tuple[str, ...] = ()  # modules that register environments
     _read: Knowledge | None = None  # the fit that was read last: runs of one fit follow each other
+    _fits: dict[str, FitSettings] = field(default_factory=dict)  # by content hash
 
-    def place(self, artefact: Artefact, paths: Paths) -> Place:
-        """Where it belongs, given the `paths` of what it is made of, which must stand there."""
-        from qinit_cli.artefacts.settings import FitSettings, RunSettings
+    def place(self, artefact: Artefact, found: Found) -> Place:
+        """Where it belongs, given what was `found` of all that it is made of; no task is read or verified."""
+        from qinit_cli.artefacts.settings import RunSettings
         from qinit_cli.pipeline import fitting
         from qinit_cli.pipeline.job import place
         from qinit_cli.pipeline.transfer import stem_of
-        from qinit_store.reading import describe
 
         match artefact:
             case PlannedSources():
                 plan = sources_plan(artefact)
                 return Place(place(plan, self.keeping, self.machine), plan.settings, plan.count)
             case PlannedFit(sources, options):
-                return Place(*fitting.place(paths[sources], options, self.keeping))
+                return Place(*fitting.look(found[sources], options, self.keeping))
             case PlannedTuning():
-                plan = _tuning_plan(artefact, paths[artefact.sources])
+                plan = _tuning_plan(artefact, found[artefact.sources].path)
                 return Place(place(plan, self.keeping, self.machine), plan.settings, plan.count)
             case PlannedRun():
-                fit = describe(paths[artefact.fit])
-                fitted = FitSettings.read(fit.spec)
-                method, _ = _method_of(artefact, paths, fitted.sources)
+                fit = found[artefact.fit]
+                fitted = self._fitted(fit)
+                tuning = None if artefact.tuning is None else found[artefact.tuning].path
+                method, _ = _method_of(artefact, tuning, fitted.sources)
                 targets, count = targets_of_run(artefact, method, fitted.sources)
                 settings = RunSettings.of(method, targets, count, fit.content_sha256, fitted)
                 stem = stem_of(method, targets, count)
@@ -126,11 +130,19 @@ class Maker:
         from qinit_cli.pipeline.transfer import plan_of
 
         known = self._knowledge(paths[run.fit])
-        method, choice = _method_of(run, paths, known.settings.sources)
+        tuning = None if run.tuning is None else paths[run.tuning]
+        method, choice = _method_of(run, tuning, known.settings.sources)
         targets, count = targets_of_run(run, method, known.settings.sources)
         beginning = beginning_of(method, known, targets, count, keeping, self.machine, reporter)
         plan = plan_of(method, targets, beginning, count, known, choice)
         return make(plan, keeping, self.machine, reporter)
+
+    def _fitted(self, fit: Description) -> FitSettings:
+        from qinit_cli.artefacts.settings import FitSettings
+
+        if fit.content_sha256 not in self._fits:
+            self._fits[fit.content_sha256] = FitSettings.read(fit.spec)
+        return self._fits[fit.content_sha256]
 
     def _knowledge(self, fit: Path) -> Knowledge:
         from qinit_cli.pipeline.knowledge import Knowledge
@@ -164,11 +176,11 @@ def _tuning_plan(tuning: PlannedTuning, sources: Path) -> Plan:
 
 
 def _method_of(
-    run: PlannedRun, paths: Paths, sources: SourcesSettings
+    run: PlannedRun, tuning: Path | None, sources: SourcesSettings
 ) -> tuple[Method, list[dict[str, str]]]:
     """The method with what its tuning chose, and that choice as an input."""
+    if tuning is None:
+        return run.method, []
     from qinit_cli.pipeline.tuning import chosen
 
-    if run.tuning is None:
-        return run.method, []
-    return chosen(paths[run.tuning], run.method, sources.family.installed())
+    return chosen(tuning, run.method, sources.family.installed())

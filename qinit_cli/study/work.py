@@ -42,6 +42,7 @@ from qinit_store.wording import shell_line
 
 if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Made
+    from qinit_store.reading import Description
 
 Entries = dict[str, dict[str, Any]]  # of the manifest, by file
 
@@ -69,7 +70,8 @@ class StudyWork:
     machine: Machine
     force: bool = False
     at_once: int = 1  # artefacts
-    paths: dict[Artefact, Path] = field(default_factory=dict)  # of what stands in the store
+    found: dict[Artefact, Description] = field(default_factory=dict)  # what stands in the store
+    paths: dict[Artefact, Path] = field(default_factory=dict)  # of the same
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
     failed: list[Failed] = field(default_factory=list)
     spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in SPENT_STAGES})
@@ -118,10 +120,10 @@ class StudyWork:
         """Looks for every artefact whose inputs stand in the store; where each of these belongs."""
         places: dict[Artefact, Place] = {}
         for artefact in self.artefacts:
-            if all(given in self.paths for given in inputs(artefact)):
-                places[artefact] = place = self._maker.place(artefact, self.paths)
-                if place.complete:
-                    self._keep(artefact, place.path)
+            if all(given in self.found for given in inputs(artefact)):
+                places[artefact] = place = self._maker.place(artefact, self.found)
+                if place.there is not None:
+                    self._keep(artefact, place.there)
         return places
 
     def make(self, ahead: Ahead, reporter: Reporter) -> dict[str, Any]:
@@ -145,11 +147,10 @@ class StudyWork:
             "seconds": {stage: round(spent.seconds, 3) for stage, spent in self.spent.items()},
         }
 
-    def _keep(self, artefact: Artefact, path: Path) -> None:
-        from qinit_store.reading import describe
-
-        self.paths[artefact] = path
-        self.digests[artefact] = describe(path).content_sha256
+    def _keep(self, artefact: Artefact, there: Description) -> None:
+        self.found[artefact] = there
+        self.paths[artefact] = there.path
+        self.digests[artefact] = there.content_sha256
 
     @property
     def _undrawn(self) -> list[str]:
@@ -259,7 +260,9 @@ class StudyWork:
         if isinstance(made, Failed):
             self._fail(made, whole)
         else:
-            self._keep(artefact, made.path)
+            from qinit_store.reading import describe
+
+            self._keep(artefact, describe(made.path))
 
     def _fail(self, failed: Failed, reporter: Reporter) -> None:
         self.failed.append(failed)
