@@ -102,6 +102,11 @@ class Given:
             if isinstance(mine, Mapping) and isinstance(value, Mapping):
                 value = {**mine, **value}
             values[key] = value
+            own: Place = (*other.place, key)
+            while own and own not in other.lines:  # an inline table has one line
+                own = own[:-1]
+            if own:
+                lines[(*self.place, key)] = other.lines[own]
             for place, line in other.lines.items():
                 if place[: len(other.place) + 1] == (*other.place, key):
                     lines[(*self.place, *place[len(other.place) :])] = line

@@ -10,7 +10,7 @@ import hashlib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from qinit_cli.environments import FAMILIES
 from qinit_cli.environments.family import Family, task_count
-from qinit_cli.errors import UsageError
+from qinit_cli.errors import QinitError, UsageError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.nearest import nearest
@@ -184,6 +184,7 @@ class _Reading:
     file: Path
     scale: str | None
     sets: int | None
+    _drawn: set[Any] = field(default_factory=set)  # families and changes of which targets can be drawn
 
     def study(self) -> Study:
         self.top.check_keys(TOP)
@@ -193,7 +194,10 @@ class _Reading:
         if imports:
             from qinit_cli.environments.modules import import_named
 
-            import_named(imports)
+            try:
+                import_named(imports)
+            except UsageError as error:
+                told.refuse(str(error).removeprefix("--"), "import")
         self._check_scale()
         planned = tuple(islice(self._planned(), MOST + 1))
         if len(planned) > MOST:
@@ -294,6 +298,7 @@ class _Reading:
                         ):
                             continue
                         for target_at, targets in enumerate(learned[method_at]):
+                            self._check_targets(distribution, entry, targets)
                             count += 1
                             if count > MOST:
                                 self._refuse_many()
@@ -428,6 +433,19 @@ class _Reading:
         for targets in given.instances(LearningTargets):
             shifts = tuple(one for one in targets.shift or () if one) or None  # "" is no shift
             yield replace(targets, shift=shifts)
+
+    def _check_targets(self, distribution: StudyDistribution, entry: Given, targets: LearningTargets) -> None:
+        """Refuses targets that cannot be drawn; called of those alone that runs have, as a shift fits some families only."""
+        asked = (distribution.family, targets.shift, targets.targets, targets.allow_overlap)
+        if asked in self._drawn:
+            return
+        try:
+            targets.family(distribution.family.opened())
+        except QinitError as error:
+            said = str(error).removeprefix("--").replace("shift: --", "shift: ")
+            given = distribution.targets.merged(entry.table("targets"))
+            given.refuse(said, "shift" if said.startswith("shift") else "targets")
+        self._drawn.add(asked)
 
     def _tuning(self, entry: Given, method: Method, sources: PlannedSources) -> PlannedTuning | None:
         if not entry.of("tuned", bool, False):

@@ -18,6 +18,7 @@ from qinit_cli.study.planned import (
     PlannedSources,
     PlannedTable,
     PlannedTuning,
+    named,
 )
 from qinit_store.wording import counted
 
@@ -72,6 +73,13 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
     if first is not None and first < 1:
         entry.refuse(f"first is {first}; it must be at least 1", "first")
     baseline = baseline_of(entry, planned) or baseline_of(study, planned) or "zero"
+    runs = [one.artefact for one in selected if isinstance(one.artefact, PlannedRun)]
+    unlike = {(run.family, run.learning): run for run in runs}
+    for run in () if first is None else unlike.values():
+        family = run.learning.family(run.family.opened())
+        count = task_count(family, "target", run.learning.tasks)
+        if first > count:
+            entry.refuse(f"first is {first}, and {named(run)} has {counted(count, 'target')}", "first")
     for ending, those in _each(entry, selected):
         yield PlannedTable(
             f"{name}{ending}",
@@ -129,9 +137,15 @@ def _selected(entry: Given, one: Selectable, those: Sequence[Selectable]) -> boo
         known = {name for each in those for name, _ in each.settings}
         if key not in known:
             entry.refuse(f"where names {key}; {nearest(key, sorted(known))}", "where")
-        if key not in there or there[key] not in (value if isinstance(value, list) else [value]):
+        several = value if isinstance(value, list) else [value]
+        if key not in there or not any(_same(there[key], each) for each in several):
             return False
     return True
+
+
+def _same(there: Any, asked: Any) -> bool:
+    """Whether they are one value; Python holds False for 0 and True for 1."""
+    return bool(there == asked) and isinstance(there, bool) == isinstance(asked, bool)
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -72,6 +72,13 @@ def sources(study: Study) -> list[PlannedSources]:
         (ONE + ZERO + '[[plot]]\nkind = "curve"\n', 7, "there is no plot curve; did you mean curves?"),
         (ONE + ZERO + '[[plot]]\nkind = "curves"\neach = "sett"\n', 8, "did you mean set?"),
         (ONE + ZERO + "[[table]]\nfirst = -1\n", 7, "first is -1; it must be at least 1"),
+        (ONE + ZERO + "[[table]]\nfirst = 9\n[targets]\ntasks = 8\n", 7, "first is 9, and zero"),
+        (ONE + ZERO + '[study]\nimport = "no_such_module"\n', 7, "there is no module no_such_module"),
+        (ONE + ZERO + '[study]\nimport = ["json", "a-b"]\n', 7, "import a-b: write a module's name"),
+        (ONE + ZERO + '[targets]\nshift = "varianc=9"\n', 7, "shift varianc=9: "),
+        (ONE + ZERO + 'targets = { shift = ["variance=-9"] }\n', 6, "shift: variance is -9"),
+        (ONE + ZERO + '[targets]\ntargets = "0:5"\n', 7, "targets"),
+        (ONE + ZERO + "[[table]]\nwhere = { targets.seed = false }\n", 6, "no artefact of the study"),
         (ONE + ZERO + '[[table]]\nbaseline = "zeor"\n', 7, "did you mean zero?"),
         (ONE + ZERO + '[study]\nbaseline = "zeor"\n', 7, "did you mean zero?"),
         (ONE + ZERO + '[[table]]\nmetric = "retrn"\n', 7, "did you mean return?"),
@@ -117,8 +124,8 @@ def test_lists_vary_the_last_key_fastest() -> None:
 def test_an_option_that_takes_a_list_varies_over_lists_of_lists() -> None:
     one = read(ONE + ZERO + '[targets]\nshift = ["variance=9"]\n')
     assert [run.learning.shift for run in runs(one)] == [("variance=9",)]
-    two = read(ONE + ZERO + '[targets]\nshift = [[], ["variance=9", "p-low=0.1"]]\n')
-    assert [run.learning.shift for run in runs(two)] == [None, ("variance=9", "p-low=0.1")]
+    two = read(ONE + ZERO + '[targets]\nshift = [[], ["variance=9", "p-low=0.3"]]\n')
+    assert [run.learning.shift for run in runs(two)] == [None, ("variance=9", "p-low=0.3")]
 
 
 @pytest.mark.parametrize(
@@ -139,6 +146,26 @@ def test_a_method_that_reads_no_sources_runs_once_over_source_sets() -> None:
     study = read(ONE + '[sources]\nsets = 3\n[[method]]\nname = ["zero", "mean"]\n')
     labels = [(one.method.label, one.fit.sources.learning.seed) for one in runs(study)]
     assert sorted(labels) == [("mean", 0), ("mean", 1), ("mean", 2), ("zero", 0)]
+
+
+def test_a_shift_need_fit_only_the_families_of_its_method() -> None:
+    car = '[[distribution]]\nfamily = "mountain-car"\nmethods = ["mean"]\n[[method]]\nname = "mean"\n'
+    only = ZERO + 'distributions = ["gridworld"]\ntargets = { shift = "variance=9" }\n'
+    assert {run.learning.shift for run in runs(read(ONE + car + only))} == {None, ("variance=9",)}
+    with pytest.raises(UsageError, match="line 8: shift variance=9: "):
+        read(
+            ONE
+            + '[[distribution]]\nfamily = "mountain-car"\n'
+            + ZERO
+            + only.removeprefix(ZERO).split("\n")[1]
+        )
+
+
+def test_where_takes_true_and_false_for_no_number() -> None:
+    text = ONE + ZERO + "[[table]]\nwhere = { targets.keep-q = VALUE }\n"
+    assert len(read(text.replace("VALUE", "false")).shown) == 1
+    with pytest.raises(UsageError, match="no artefact of the study is selected"):
+        read(text.replace("VALUE", "0"))
 
 
 def test_groups_say_what_goes_with_what() -> None:
