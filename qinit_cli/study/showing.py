@@ -24,7 +24,7 @@ from qinit_store.wording import counted
 
 if TYPE_CHECKING:
     from qinit_cli.environments import Family
-    from qinit_cli.study.reading import Selectable
+    from qinit_cli.study.combining import Selectable
 
 KINDS: dict[str, type[Artefact]] = {
     "sources": PlannedSources,

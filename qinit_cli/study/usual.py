@@ -13,7 +13,7 @@ from qinit_cli.study.showing import baseline_of, cut, family_of, metric_of, once
 
 if TYPE_CHECKING:
     from qinit_cli.plots import Plot
-    from qinit_cli.study.reading import Selectable
+    from qinit_cli.study.combining import Selectable
 
 MOST_PANELS = 4  # of a picture of one setting; where there would be more, the others are averaged over
 FEWEST_RANKED = 3  # methods, and distributions
