@@ -147,9 +147,11 @@ class Maker:
     def _knowledge(self, fit: Path) -> Knowledge:
         from qinit_cli.pipeline.knowledge import Knowledge
 
-        if self._read is None or self._read.path != fit:
-            self._read = Knowledge.read(fit)
-        return self._read
+        # another thread may put the fit of its own run there at any time
+        read = self._read
+        if read is None or read.path != fit:
+            self._read = read = Knowledge.read(fit)
+        return read
 
 
 def sources_plan(sources: PlannedSources) -> Plan:

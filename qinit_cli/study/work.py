@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -21,8 +22,7 @@ from qinit_cli.study.drawing import Drawing, file_of, made_of
 from qinit_cli.study.folder import PROGRESS, REPORT, opened
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost, Foresight
 from qinit_cli.study.making import Maker, Place
-from qinit_cli.study.manifest import STAGES as SPENT_STAGES
-from qinit_cli.study.manifest import FolderKind, Spent, entries_of, manifest
+from qinit_cli.study.manifest import COUNTED, FolderKind, Spent, entries_of, manifest
 from qinit_cli.study.pace import DRAWING, kind_of
 from qinit_cli.study.planned import (
     STAGES,
@@ -74,12 +74,13 @@ class StudyWork:
     paths: dict[Artefact, Path] = field(default_factory=dict)  # of the same
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
     failed: list[Failed] = field(default_factory=list)
-    spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in SPENT_STAGES})
+    spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in COUNTED})
 
     def __post_init__(self) -> None:
         self._maker = Maker(self.keeping, self._share(), self.study.imports)
         self._entries: Entries = {}
         self._left_out: dict[str, dict[str, str]] = {}  # optional pictures, by file
+        self._counting = threading.Lock()  # of `spent`, which the threads of several artefacts add to
 
     def _share(self) -> Machine:
         """How much of the machine one artefact uses."""
@@ -248,7 +249,7 @@ class StudyWork:
             try:
                 with self._counted(STAGES[type(artefact)]) as spent:
                     made = self._maker.make(artefact, self.paths, whole)
-                    spent.steps += made.tally.steps
+                    spent.steps = made.tally.steps
                 return made
             except SystemFailed:  # a full disk fails all that follows
                 raise
@@ -340,13 +341,15 @@ class StudyWork:
 
     @contextmanager
     def _counted(self, stage: str) -> Iterator[Spent]:
-        """Counts the time, and one thing made, for that stage."""
-        began, spent = time.monotonic(), self.spent[stage]
+        """Counts the time, one thing made, and the steps that the block notes, for that stage."""
+        began, own = time.monotonic(), Spent()
         try:
-            yield spent
-            spent.made += 1
+            yield own
+            own.made = 1
         finally:
-            spent.seconds += time.monotonic() - began
+            own.seconds = time.monotonic() - began
+            with self._counting:
+                self.spent[stage] += own
 
 
 def _problem(error: Exception) -> str:
