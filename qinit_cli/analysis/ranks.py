@@ -98,7 +98,9 @@ def signed_rank_p(apart: Floats) -> float:
     if len(apart) > MOST_EXACT:
         return float(wilcoxon(apart, method="asymptotic").pvalue)
     twice = np.rint(2 * rankdata(np.abs(apart))).astype(np.int64)  # ranks of equal ones end in a half
-    ways = np.zeros(int(twice.sum()) + 1)  # to choose ranks of that sum: below 2^53, so that floats count them
+    ways = np.zeros(
+        int(twice.sum()) + 1
+    )  # to choose ranks of that sum: below 2^53, so that floats count them
     ways[0] = 1.0
     for rank in twice:
         ways[rank:] += ways[:-rank].copy()
