@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Made
     from qinit_store.reading import Description
 
-Entries = dict[str, dict[str, Any]]  # of the manifest, by file
+ManifestEntries = dict[str, dict[str, Any]]  # of the manifest, by file
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class StudyWork:
 
     def __post_init__(self) -> None:
         self._maker = Maker(self.keeping, self._share(), self.study.imports)
-        self._entries: Entries = {}
+        self._entries: ManifestEntries = {}
         self._left_out: dict[str, dict[str, str]] = {}  # optional pictures, by file
         self._counting = threading.Lock()  # of `spent`, which the threads of several artefacts add to
 
