@@ -189,8 +189,9 @@ THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
     """Adds the subcommands."""
-    from qinit_cli.commands import study_export  # reads the options of this file
+    from qinit_cli.commands import study_export, study_init  # the former reads the options of this file
 
+    study_init.add_to(actions)
     add_command(
         actions,
         "check",
