@@ -134,11 +134,13 @@ def _selected(entry: Given, one: Selectable, those: Sequence[Selectable]) -> boo
             return False
     there = dict(one.settings)
     for key, value in _flat(entry.table("where").values):
-        known = {name for each in those for name, _ in each.settings}
-        if key not in known:
-            entry.refuse(f"where names {key}; {nearest(key, sorted(known))}", "where")
+        if key not in there:
+            known = {name for each in those for name, _ in each.settings}
+            if key not in known:
+                entry.refuse(f"where names {key}; {nearest(key, sorted(known))}", "where")
+            return False
         several = value if isinstance(value, list) else [value]
-        if key not in there or not any(_same(there[key], each) for each in several):
+        if not any(_same(there[key], each) for each in several):
             return False
     return True
 
