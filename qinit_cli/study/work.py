@@ -114,6 +114,7 @@ class StudyWork:
             len(self._undrawn),
             self.keeping.store or Path(),
             self.machine.threads,
+            self.kind,
         )
 
     def find(self) -> dict[Artefact, Place]:
@@ -136,7 +137,7 @@ class StudyWork:
         else:
             reporter.note(f"{self.name}: already complete")
         return {
-            "schema": self.kind.schema.replace("/", "-run/"),
+            "schema": self.kind.done,
             "path": str(self._folder.path),
             "manifest": str(self._folder.path / self.kind.manifest),
             "artefacts": len(self.artefacts),
