@@ -149,7 +149,7 @@ def _ours_alone(told: Settings) -> bool:
     from qinit_cli.methods import METHODS
 
     here: object = told.sources.family.here
-    if here is None or isinstance(here, OF_FILES) or getattr(here, "packages", ()):
+    if here is None or isinstance(here, OF_FILES) or getattr(here, "packages", None):
         return False
     own = {name for one in (FAMILIES, METHODS, LEARNERS) for name in one if one.is_own(name)}
     named = {name for key, name in _named(told.spec()) if key in ("family", "method", "init", "learner")}
