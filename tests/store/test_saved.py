@@ -45,7 +45,8 @@ def test_each_task_is_found_in_its_file_and_row(three_parts):
 def test_digests_come_in_the_order_asked_for(three_parts):
     assert np.array_equal(three_parts.digests(np.array([5, 0, 7])), digests_of([5, 0, 7]))
     assert three_parts.digests(np.empty(0, np.int64)).shape == (0, 32)
-    assert Saved().ids.size == 0 and Saved().digests(np.empty(0, np.int64)).shape == (0, 32)
+    assert Saved().ids.size == 0
+    assert Saved().digests(np.empty(0, np.int64)).shape == (0, 32)
 
 
 def test_tasks_are_counted_by_the_files_that_are_there(three_parts):
