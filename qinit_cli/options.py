@@ -44,7 +44,8 @@ def option(
 
     `low` and `high` bound a number (both included), `above` and `below` too (not included); `default_text` tells in the help
     where a default of None comes from; `short` is a one-letter flag; `panel` the help group, if not that of the whole
-    dataclass; `grid` what `qinit tune` tries. A `positional` one is an argument that must be given, and has no flag.
+    dataclass; `grid` what `qinit tune` tries. A `positional` one is an argument without a flag, which
+    must be given where the default is "".
 
     `--help` shows what a family or a method is made of, how many tasks and episodes, the seed, where the artefact goes and how
     much of the machine is used; a `seldom` one stands in `--help-all` alone.

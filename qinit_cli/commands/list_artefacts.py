@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -17,10 +17,11 @@ from qinit_cli.options import check, option
 from qinit_store.wording import recorded_command
 
 if TYPE_CHECKING:
-    from qinit_cli.artefacts.settings import Settings
-    from qinit_store.reading import Description
+    from pathlib import Path
 
-    Listed = tuple[Description, Settings | None]  # with its settings, where these are known
+    from qinit_cli.commands.listed import Line
+
+    Listed = tuple[Path, Line]
 
 UNFINISHED = "unfinished"
 
@@ -40,12 +41,12 @@ class Listing:
     def __post_init__(self) -> None:
         check(self)
 
-    def wanted(self, entry: Description) -> bool:
+    def wanted(self, line: Line) -> bool:
         """Whether the artefact is listed."""
         from fnmatch import fnmatchcase
 
         glob = self.name if set(self.name) & set("*?[") else f"*{self.name}*"
-        return self.kind in (None, entry.kind) and fnmatchcase(entry.path.stem, glob)
+        return self.kind in (None, line.kind) and fnmatchcase(line.stem, glob)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,12 +64,12 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
     """Prints one row per artefact; for programs also where it lies, its hash, and the command that makes it."""
     from pathlib import Path
 
-    from qinit_cli.artefacts.opening import described
+    from qinit_cli.commands.listed import lines
     from qinit_cli.commands.tables import TableColumn, print_table
     from qinit_store.catalog import Store
 
-    there = [described(entry) for entry in Store(Path(reading.store)).entries()]
-    entries = [one for one in there if listing.wanted(one[0])]
+    there = lines(Store(Path(reading.store)))
+    entries = [one for one in there if listing.wanted(one[1])]
     for_people = tabular.chosen == "table"
     columns = [
         TableColumn("kind"),
@@ -97,46 +98,45 @@ def list_artefacts(listing: Listing, tabular: Tabular, reading: Reading, display
             if filtered
             else f"{reading.store} holds no artefacts; qinit train-sources makes the first",
         )
-    for entry, _ in entries:
-        if entry.problem and for_people:
-            note(display, entry.problem)
-        if entry.state == UNFINISHED and (command := recorded_command(entry.provenance.get("command"))):
-            note(display, f"to go on with {entry.path.stem}: {command}")
+    for _, line in entries:
+        if line.problem and for_people:
+            note(display, line.problem)
+        if line.state == UNFINISHED and (command := recorded_command(line.command or None)):
+            note(display, f"to go on with {line.stem}: {command}")
 
 
 def _seeds(there: Sequence[Listed]) -> dict[str, int]:
     """The seed of each of the store's sources by their content hash, which is all that a run names them by."""
-    from qinit_cli.artefacts.settings import SourcesSettings
-
-    return {entry.content_sha256: told.seed for entry, told in there if isinstance(told, SourcesSettings)}
+    return {line.content: line.seed for _, line in there if line.seed is not None}
 
 
 def _differences(entries: Sequence[Listed], seeds: Mapping[str, int]) -> list[str]:
     """The settings in which each differs from the others of its kind, family and method, which stands before them unless the
     artefact's name has it."""
-    from qinit_cli.artefacts.settings import RunSettings, TuningSettings
-    from qinit_cli.comparison.distinctions import distinctions, with_words
-
-    def with_seed(told: Settings) -> Settings:
-        if not isinstance(told, RunSettings):
-            return told
-        return replace(told, source_set=replace(told.source_set, seed=seeds.get(told.source_set.content)))
+    from qinit_cli.comparison.distinctions import distinguished, with_words
 
     alike: dict[tuple[str, str, str], list[int]] = {}
-    for at, (_, told) in enumerate(entries):
-        if told is not None:
-            method = told.method.label if isinstance(told, RunSettings | TuningSettings) else ""
-            alike.setdefault((told.kind, told.sources.family.name, method), []).append(at)
+    for at, (_, line) in enumerate(entries):
+        if line.words is not None:
+            alike.setdefault((line.kind, line.family, line.method), []).append(at)
     words = [""] * len(entries)
     for (_, _, method), places in alike.items():
-        for at, own in zip(
-            places,
-            distinctions([with_seed(told) for at in places if (told := entries[at][1])], labelled=False),
-            strict=True,
-        ):
-            words[at] = (
-                own if _dashed(method) in _dashed(entries[at][0].path.stem) else with_words(method, own)
-            )
+        apart = distinguished([_with_seed(entries[at][1], seeds) for at in places])
+        for at, own in zip(places, apart, strict=True):
+            words[at] = own if _dashed(method) in _dashed(entries[at][1].stem) else with_words(method, own)
+    return words
+
+
+def _with_seed(line: Line, seeds: Mapping[str, int]) -> dict[str, str]:
+    """The line's settings, with the seed of its sources where these are in the store."""
+    from qinit_cli.comparison.distinctions import seed_word
+
+    words = dict(line.words or {})
+    if line.seed_key in words:
+        if line.made_of in seeds:
+            words[line.seed_key] = seed_word(seeds[line.made_of])
+        else:
+            del words[line.seed_key]
     return words
 
 
@@ -145,21 +145,20 @@ def _dashed(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", label)
 
 
-def _row(entry: Description, settings: Settings | None) -> dict[str, Any]:
-    wanted = None if settings is None else settings.sources.tasks
+def _row(path: Path, line: Line) -> dict[str, Any]:
     return {
-        "kind": entry.kind,
-        "name": entry.path.stem,
-        "family": "" if settings is None else settings.sources.family.name,
-        "tasks": wanted if entry.kind in KINDS and not KINDS[entry.kind].by_task else entry.tasks,
-        "made": entry.provenance.get("time", "")[:16].replace("T", " "),
-        "megabytes": entry.size / 1e6 if entry.size else None,
-        "state": entry.state,
-        "tasks_wanted": wanted,
-        "problem": entry.problem,
-        "path": str(entry.path),
-        "content_sha256": entry.content_sha256,
-        "command": entry.provenance.get("command", ""),
+        "kind": line.kind,
+        "name": line.stem,
+        "family": line.family,
+        "tasks": line.wanted if line.kind in KINDS and not KINDS[line.kind].by_task else line.tasks,
+        "made": line.time[:16].replace("T", " "),
+        "megabytes": line.size / 1e6 if line.size else None,
+        "state": line.state,
+        "tasks_wanted": line.wanted,
+        "problem": line.problem,
+        "path": str(path),
+        "content_sha256": line.content,
+        "command": line.command,
     }
 
 

@@ -30,6 +30,8 @@ OF_ONE_CALL = {
     "to",
     "what",
     "title",
+    "of",
+    "family",
 }  # no variable or file sets them
 
 
@@ -74,7 +76,10 @@ class Group:
         if meta["positional"]:
             argument = typer.Argument(help=meta["help"], metavar=meta["metavar"])
             return inspect.Parameter(
-                option.name, inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[hint, argument]
+                option.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=option.default or inspect.Parameter.empty,
+                annotation=Annotated[hint, argument],
             )
         default_text = self.default_texts.get(option.name, meta["default_text"])
         spelled = [flag(option.name)] + ([meta["short"]] if meta["short"] else [])

@@ -193,8 +193,10 @@ THREADS, SPREAD = Group(Threads, "Machine"), Group(Spread, "Machine")
 
 def add_to(actions: typer.Typer, only: str | None = None) -> None:
     """Adds the subcommands."""
-    from qinit_cli.commands import study_export, study_status  # read the options of this file
+    # here, as they read the options of this file
+    from qinit_cli.commands import study_export, study_init, study_status
 
+    study_init.add_to(actions)
     add_command(
         actions,
         "check",

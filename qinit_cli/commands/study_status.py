@@ -21,7 +21,7 @@ SCHEMA, OF_ARTEFACTS = "qinit.study-status/1", "qinit.study-status-artefacts/1"
 
 
 @dataclass(frozen=True)
-class Detail:
+class StatusDetail:
     """How much is printed."""
 
     artefacts: bool = option(
@@ -38,7 +38,7 @@ def add_to(actions: typer.Typer) -> None:
         {
             "selection": SELECTION,
             "placing": PLACING,
-            "detail": Group(Detail, "Table"),
+            "detail": Group(StatusDetail, "Table"),
             "tabular": TABULAR,
             "display": DISPLAY,
         },
@@ -51,7 +51,7 @@ def study_status(
     file: str,
     selection: StudySelection,
     placing: Placing,
-    detail: Detail,
+    detail: StatusDetail,
     tabular: Tabular,
     display: Display,
 ) -> None:

@@ -55,6 +55,16 @@ def settings(told: Settings | SourceSet, *, reads_sources: bool = True, labelled
     return found | dict(_own(told.spec(), family, labelled=labelled))
 
 
+def seed_key(fitted: SourceSet) -> str:
+    """The key of the seed of a run's sources, which the run itself does not know."""
+    return f"{OF_SOURCES} {fitted.family.name} seed"
+
+
+def seed_word(seed: int) -> str:
+    """The word of that key."""
+    return f"{THEIRS}{_word('seed', seed)}"
+
+
 def told_apart(found: Sequence[Words]) -> list[Words]:
     """Of the settings of each, those that differ in another which has them too."""
     words: dict[str, set[str]] = {}
@@ -76,7 +86,12 @@ def distinctions(several: Sequence[Settings | SourceSet], *, labelled: bool = Tr
 
     Settings that change no number, such as --keep-q, are left out.
     """
-    apart = told_apart([settings(told, labelled=labelled) for told in several])
+    return distinguished([settings(told, labelled=labelled) for told in several])
+
+
+def distinguished(several: Sequence[Words]) -> list[str]:
+    """The same of settings that are in words already."""
+    apart = told_apart(several)
     return [
         joined({key: word for key, word in words.items() if not key.startswith(OF_RECORD)}) for words in apart
     ]

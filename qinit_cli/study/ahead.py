@@ -10,7 +10,7 @@ from typing import Any
 
 from qinit_cli.pipeline.reporter import Reporter
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost
-from qinit_cli.study.manifest import Spent
+from qinit_cli.study.manifest import FolderKind, Spent
 from qinit_cli.study.planned import STAGES, Artefact
 from qinit_store.wording import counted, magnitude
 
@@ -27,7 +27,7 @@ class Ahead:
     undrawn: int  # of these
     store: Path
     jobs: int
-    schema: str = "qinit.study-check/1"
+    kind: FolderKind
 
     @property
     def total(self) -> Cost:
@@ -48,9 +48,8 @@ class Ahead:
         """All of it as plain values."""
         total = self.total
         return {
-            "schema": self.schema,
-            "name": self.name,
-            "target": self.name,
+            "schema": self.kind.ahead,
+            self.kind.told[0]: self.name,
             "scale": self.scale,
             "artefacts": len(self.artefacts),
             "missing": len(self.takes),

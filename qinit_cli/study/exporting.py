@@ -127,8 +127,9 @@ def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...]
             words = ["plot", plot.name, *given, *option_words(plot), "-o", target, "--store", folder]
             words += [] if title is None else ["--title", _line(title)]
             return ScriptStep("pictures", target, given, (*words, *_imported(imports)))
-        case PlannedTable(baseline=baseline, metric=metric):
+        case PlannedTable(baseline=baseline, metric=metric, columns=columns):
             words = ["compare", *given, "--baseline", baseline, "--metric", metric, "--format", "csv"]
+            words += ["--columns", ",".join(columns)] if columns else []
             return ScriptStep("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
         case PlannedShares(metric=metric):
             words = ["sensitivity", *given, "--metric", metric, "--format", "csv"]

@@ -25,11 +25,19 @@ class FolderKind:
     command: str  # that makes it
     manifest: str
     schema: str
-    told: tuple[str, ...]  # keys that tell one from another in an error
+    told: tuple[str, ...]  # keys that tell one from another in an error; the first is its name
+    ahead: str  # schema of what is foreseen
+    done: str  # schema of what was done
 
 
 STUDY = FolderKind(
-    "study", "qinit study run", "study.json", "qinit.study/1", ("study", "scale", "source_sets")
+    "study",
+    "qinit study run",
+    "study.json",
+    "qinit.study/1",
+    ("study", "scale", "source_sets"),
+    "qinit.study-check/1",
+    "qinit.study-run/1",
 )
 REPRODUCTION = FolderKind(
     "reproduction",
@@ -37,6 +45,8 @@ REPRODUCTION = FolderKind(
     "reproduction.json",
     "qinit.reproduction/1",
     ("target", "scale", "source_sets"),
+    "qinit.reproduce-dry-run/1",
+    "qinit.reproduce/1",
 )
 
 

@@ -11,6 +11,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.comparison.table import MEASURES, with_columns
 from qinit_cli.errors import Interrupted, QinitError
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
@@ -115,6 +116,7 @@ class StudyWork:
             len(self._undrawn),
             self.keeping.store or Path(),
             self.machine.threads,
+            self.kind,
         )
 
     def find(self) -> dict[Artefact, Place]:
@@ -137,7 +139,7 @@ class StudyWork:
         else:
             reporter.note(f"{self.name}: already complete")
         return {
-            "schema": self.kind.schema.replace("/", "-run/"),
+            "schema": self.kind.done,
             "path": str(self._folder.path),
             "manifest": str(self._folder.path / self.kind.manifest),
             "artefacts": len(self.artefacts),
@@ -298,10 +300,13 @@ class StudyWork:
                     entry |= self._picture(shown, drawing, reporter)
             case PlannedTable():
                 with self._counted("tables"):
-                    entry |= self._table(shown.name, drawing.table(shown))
+                    table = drawing.table(shown)
+                    columns = shown.columns or (shown.metric, *MEASURES)
+                    entry |= self._table(shown.name, table, with_columns(table["rows"], columns))
             case PlannedShares():
                 with self._counted("tables"):
-                    entry |= self._table(shown.name, drawing.shares(shown))
+                    shares = drawing.shares(shown)
+                    entry |= self._table(shown.name, shares, shares["rows"])
             case PlannedJudgement():
                 with self._counted("verdicts"):
                     self._folder.write_json(file, drawing.verdicts(shown))
@@ -317,13 +322,13 @@ class StudyWork:
             drawn.save(self._folder.picture(file))
         return {"png": png, "caption": shown.caption, "alt": drawn.alt, "title": shown.title or drawn.title}
 
-    def _table(self, name: str, table: dict[str, Any]) -> dict[str, str]:
-        """Saves its rows as JSON, CSV and, with pyarrow, Parquet; its part of the manifest's entry."""
+    def _table(self, name: str, table: dict[str, Any], rows: list[dict[str, Any]]) -> dict[str, str]:
+        """Saves it as JSON, its rows as CSV and, with pyarrow, Parquet; its part of the manifest's entry."""
         from qinit_cli.study.table_files import csv_of, parquet_of
 
         self._folder.write_json(f"{name}.json", table)
         files: dict[str, str] = {}
-        for kind, content in (("csv", csv_of(table["rows"])), ("parquet", parquet_of(table["rows"]))):
+        for kind, content in (("csv", csv_of(rows)), ("parquet", parquet_of(rows))):
             if content is not None:
                 files[kind] = f"{name}.{kind}"
                 self._folder.write(files[kind], content)

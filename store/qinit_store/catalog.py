@@ -76,13 +76,28 @@ class Store:
 
     def entries(self) -> Iterator[Description]:
         """What there is, finished and not, in the order of folders and names; one that is damaged says so."""
-        for path in self._paths():
-            with suppress(NotFound):  # gone since its folder was listed
-                yield _row(path, partial(_description, path))
+        for path in self.paths():
+            yield from self.entry(path)
+        yield from self.unfinished()
+
+    def paths(self) -> Iterator[Path]:
+        """The paths of the finished artefacts, in the order of folders and names."""
+        for folder in folders(self.root):
+            yield from self._finished(folder)
+
+    def entry(self, path: Path) -> Iterator[Description]:
+        """The finished artefact at `path`, one that is damaged says so; nothing where it has gone since it was listed."""
+        with suppress(NotFound):
+            yield _row(path, partial(_description, path))
+
+    def unfinished(self) -> Iterator[Description]:
+        """What is begun and not finished, in the order of folders and names."""
         for folder in folders(self.root):
             for name in names(self.root / folder):
+                if not (name.startswith(".") and name.endswith(WORK)):
+                    continue
                 work = self.root / folder / name
-                if name.startswith(".") and name.endswith(WORK) and is_folder(work):
+                if is_folder(work):
                     yield _row(_target(work), partial(_unfinished, work))
 
     def relatives(
@@ -100,10 +115,6 @@ class Store:
             if entry.state == "done" and entry.kind == kind and canonical_json(compared(entry.spec)) == wanted
         ]
         return sorted(found, key=lambda entry: -entry.tasks)
-
-    def _paths(self) -> Iterator[Path]:
-        for folder in folders(self.root):
-            yield from self._finished(folder)
 
     def _finished(self, folder: str) -> list[Path]:
         return [self.root / folder / name for name in self._finished_names(folder)]

@@ -218,12 +218,13 @@ def chunk_that_says(size, file, compression="gzip"):
         file, "start", data=file["start"][...], chunks=(4, 1), compression=compression, fletcher32=True
     )
     there, path = start.id.get_chunk_info(0).size, Path(file.filename)
+    begin = h5py.h5o.get_info(start.id).addr  # a chunk of another dataset may be as long
     file.close()
     content = bytearray(path.read_bytes())
     for first, length in headers(content):
         # in the layout message the size is followed by the mask of filters that were left out
         at = content.find(there.to_bytes(8, "little") + bytes(4), first, first + length)
-        if at >= 0:
+        if first == begin and at >= 0:
             content[at : at + 8] = size.to_bytes(8, "little")
             content[first + length : first + length + 4] = checksum(content[first : first + length])
     path.write_bytes(content)

@@ -46,12 +46,12 @@ def _progress(folder: Path, **changed: Any) -> None:
         "schema": "qinit.study-progress/1",
         "pid": os.getpid(),
         "host": os.uname().nodename,
-        "updated": time.time() - 10,
+        "updated": time.time() - 600,  # shown to 0.1 min: some seconds pass before it is looked at
         "running": 50.0,
         "begun": 3,
         "of": 12,
         "under_way": [{"what": f"mean {LABEL}", "share": 0.25}],
-        "left": 100.0,
+        "left": 1200.0,
     }
     (folder / "progress.json").write_text(json.dumps(told | changed))
 
@@ -128,12 +128,12 @@ def test_a_living_run_is_told_with_what_is_under_way_and_the_time_left(here: Her
     _progress(file.parent / "s-results")
     told = here("study", "status", file)
     assert "3 of 12 begun, under way: mean gridworld-5-variance-2 seed 0 (25%)" in told.err
-    assert "about 90 s left" in told.err
-    assert f"process {os.getpid()}, updated 10 s ago" in told.err
+    assert "about 10.0 min left" in told.err
+    assert f"process {os.getpid()}, updated 10.0 min ago" in told.err
     run = here("study", "status", file, "--json").json["run"]
     assert (run["alive"], run["begun"], run["of"]) == (True, 3, 12)
     assert run["under_way"] == [{"what": f"mean {LABEL}", "share": 0.25}]
-    assert 80 < run["left"] <= 90
+    assert 580 < run["left"] <= 600
 
 
 def test_a_run_that_was_killed_is_not_at_work(here: Here, file: Path) -> None:
@@ -141,14 +141,14 @@ def test_a_run_that_was_killed_is_not_at_work(here: Here, file: Path) -> None:
         ended.wait()
     _progress(file.parent / "out", pid=ended.pid)
     told = here("study", "status", file, "-o", "out")
-    assert f"no run is at work: process {ended.pid} ended, at most 10 s ago" in told.err
+    assert f"no run is at work: process {ended.pid} ended, at most 10.0 min ago" in told.err
     assert here("study", "status", file, "-o", "out", "--json").json["run"]["alive"] is False
 
 
 def test_of_a_run_on_another_machine_its_last_word_is_told(here: Here, file: Path) -> None:
     _progress(file.parent / "out", host="elsewhere")
     assert (
-        f"process {os.getpid()} on elsewhere, updated 10 s ago"
+        f"process {os.getpid()} on elsewhere, updated 10.0 min ago"
         in here("study", "status", file, "-o", "out").err
     )
     assert here("study", "status", file, "-o", "out", "--json").json["run"]["alive"] is None
