@@ -19,9 +19,9 @@ from qinit_store.wording import recorded_command
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from qinit_cli.commands.listed import Line
+    from qinit_cli.commands.listed import ListedLine
 
-    Listed = tuple[Path, Line]
+    Listed = tuple[Path, ListedLine]
 
 UNFINISHED = "unfinished"
 
@@ -41,7 +41,7 @@ class Listing:
     def __post_init__(self) -> None:
         check(self)
 
-    def wanted(self, line: Line) -> bool:
+    def wanted(self, line: ListedLine) -> bool:
         """Whether the artefact is listed."""
         from fnmatch import fnmatchcase
 
@@ -127,7 +127,7 @@ def _differences(entries: Sequence[Listed], seeds: Mapping[str, int]) -> list[st
     return words
 
 
-def _with_seed(line: Line, seeds: Mapping[str, int]) -> dict[str, str]:
+def _with_seed(line: ListedLine, seeds: Mapping[str, int]) -> dict[str, str]:
     """The line's settings, with the seed of its sources where these are in the store."""
     from qinit_cli.comparison.distinctions import seed_word
 
@@ -145,7 +145,7 @@ def _dashed(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", label)
 
 
-def _row(path: Path, line: Line) -> dict[str, Any]:
+def _row(path: Path, line: ListedLine) -> dict[str, Any]:
     return {
         "kind": line.kind,
         "name": line.stem,

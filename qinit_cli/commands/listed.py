@@ -35,7 +35,7 @@ LARGEST = 2**28  # bytes of a file that is read; 10,000 artefacts take about 2**
 
 
 @dataclass(frozen=True)
-class Line:
+class ListedLine:
     """What is shown of one artefact."""
 
     kind: str
@@ -67,17 +67,17 @@ class Line:
         )
 
 
-NAMES = [field.name for field in fields(Line)]
+NAMES = [field.name for field in fields(ListedLine)]
 
 
-def lines(store: Store) -> list[tuple[Path, Line]]:
+def lines(store: Store) -> list[tuple[Path, ListedLine]]:
     """Each artefact of the store, finished and not, by its path; what was remembered of it, or else what its file says.
 
     What cannot be remembered (no cache folder, a full disk) is read again next time.
     """
     place = _place(store.root)
     known = _remembered(place)
-    found: list[tuple[Path, Line]] = []
+    found: list[tuple[Path, ListedLine]] = []
     kept: dict[str, tuple[Stamp, list[Any]]] = {}
     anew = 0
     for path in store.paths():
@@ -99,12 +99,12 @@ def lines(store: Store) -> list[tuple[Path, Line]]:
     return found
 
 
-def _read(entry: Description) -> tuple[Line, bool]:
+def _read(entry: Description) -> tuple[ListedLine, bool]:
     """The line, and whether it follows from the file and this version of qinit alone."""
     from qinit_cli.artefacts.opening import described
 
     entry, told = described(entry)
-    line = Line(
+    line = ListedLine(
         kind=entry.kind,
         stem=entry.path.stem,
         state=entry.state,
@@ -127,7 +127,7 @@ def _read(entry: Description) -> tuple[Line, bool]:
     return _with_settings(line, told), entry.state == "done" and not entry.problem and _ours_alone(told)
 
 
-def _with_settings(line: Line, told: Settings) -> Line:
+def _with_settings(line: ListedLine, told: Settings) -> ListedLine:
     from qinit_cli.artefacts.settings import RunSettings, SourcesSettings, TuningSettings
     from qinit_cli.comparison.distinctions import seed_key, settings
 
@@ -188,10 +188,10 @@ def _settled(stamp: Stamp) -> bool:
     return max(stamp[3], stamp[4]) < time.time_ns() - SETTLED * 1e9
 
 
-def _line_of(remembered: Any, stamp: Stamp | None, path: Path) -> Line | None:
+def _line_of(remembered: Any, stamp: Stamp | None, path: Path) -> ListedLine | None:
     match remembered:
         case [there, [*values]] if there == stamp and len(values) == len(NAMES):
-            line = Line(*values)
+            line = ListedLine(*values)
             own = line.fits() and line.stem == path.stem and line.kind == kind_in(path.parent.name)
             return line if own and os.access(path, os.R_OK) else None
     return None

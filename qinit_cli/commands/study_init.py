@@ -15,7 +15,7 @@ from qinit_cli.study.questions import Question
 
 
 @dataclass(frozen=True)
-class Beginning:
+class ExampleAsked:
     """What is asked, and of which tasks."""
 
     question: Question = option(
@@ -53,12 +53,12 @@ def add_to(actions: typer.Typer) -> None:
         actions,
         "init",
         init_study,
-        {"beginning": Group(Beginning, "Study"), "written": Group(Written, "Files"), "display": DISPLAY},
+        {"beginning": Group(ExampleAsked, "Study"), "written": Group(Written, "Files"), "display": DISPLAY},
         help="Write a commented study to begin with, for a question; prints its path.",
     )
 
 
-def init_study(beginning: Beginning, written: Written, display: Display) -> None:
+def init_study(beginning: ExampleAsked, written: Written, display: Display) -> None:
     """Writes the study and prints its path."""
     from qinit_cli.output_file import OutputFile, check_one_line
     from qinit_cli.study.example import FILL_IN, example

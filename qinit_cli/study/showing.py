@@ -84,6 +84,9 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
     first = entry.of("first", int)
     if first is not None and first < 1:
         entry.refuse(f"first is {first}; it must be at least 1", "first")
+    title = entry.of("title", str) or "Methods on the same targets"
+    if first is None and "{first}" in title:
+        entry.refuse("title has {first}, and first is not given; give it too, or leave {first} out", "title")
     baseline = baseline_of(entry, planned) or baseline_of(study, planned) or "zero"
     runs = [one.artefact for one in selected if isinstance(one.artefact, PlannedRun)]
     unlike = {(run.family, run.learning): run for run in runs}
@@ -102,10 +105,8 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
             f"{name}{ending}",
             entry.of("figure", str) or name,
             tuple(one.artefact for one in those if isinstance(one.artefact, PlannedRun)),
-            (_filled(entry.of("title", str), those) or "Methods on the same targets").replace(
-                "{first}", str(entry.of("first", int))
-            ),
-            entry.of("first", int),
+            (_filled(title, those) or "").replace("{first}", str(first)),
+            first,
             baseline,
             metric,
             columns,
