@@ -147,9 +147,10 @@ class Maker:
     def _knowledge(self, fit: Path) -> Knowledge:
         from qinit_cli.pipeline.knowledge import Knowledge
 
-        if self._read is None or self._read.path != fit:
-            self._read = Knowledge.read(fit)
-        return self._read
+        known = self._read  # once: with several artefacts at once, another thread replaces it
+        if known is None or known.path != fit:
+            self._read = known = Knowledge.read(fit)
+        return known
 
 
 def sources_plan(sources: PlannedSources) -> Plan:
