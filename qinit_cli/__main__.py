@@ -13,6 +13,12 @@ def main() -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM):  # while what knows better is imported
         signal.signal(number, lambda number, frame: os._exit(128 + number))
+    if "_QINIT_COMPLETE" in os.environ:
+        from qinit_cli import completion
+
+        if (names := completion.names()) is not None:
+            sys.stdout.write("\n".join(names) + "\n")
+            return
     from qinit_cli import signals
     from qinit_cli.errors import Interrupted
 

@@ -30,6 +30,9 @@ case "$1 $2 $*" in
     "train-sources "*gridworld*exact*) family=$2; shift 2; set -- train-sources $family --size 6 "$@";;
     "train-sources "*gridworld*) family=$2; shift 2; set -- train-sources $family --size 6 --tasks 4 --episodes 200 "$@";;
     "train-sources mountain-car"*) shift 2; set -- train-sources mountain-car --tasks 2 --episodes 100 "$@";;
+    "study run study.toml"*)
+        sed -i -e 's/^size = .*/size = 5/' -e 's/^sets = .*/sets = 1/' -e 's/^episodes = .*/episodes = 50/' \\
+            -e 's/^tasks = .*/tasks = 10/' study.toml;;
     reproduce*) exec {tiny} "$@" --scale quick;;
     transfer*-h) ;;
     transfer*) method=$2; shift 2; set -- transfer "$method" --tasks 4 --episodes 40 "$@";;
@@ -105,6 +108,17 @@ def test_every_command_of_the_page_on_sensitivity_works(tmp_path: Path, ready: R
     assert len((tmp_path / "variance.csv").read_text().splitlines()) == 1 + 3 * 3 * 2
     pictures = {path.name for path in tmp_path.glob("*.png") if path.stat().st_size > PICTURE_BYTES}
     assert pictures == {"sensitivity.png", "grid.png", "ranks.png"}
+
+
+def test_every_command_of_the_page_on_studies_works(tmp_path: Path, ready: Ready) -> None:
+    blocks = _blocks("sh", README.parent / "docs" / "studies.md")
+    (tmp_path / "bin").mkdir()
+    ended = _run(blocks, tmp_path, tmp_path / "bin", ready)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.splitlines() == ["sources.toml", "results", "results"]
+    assert "study.toml: already complete" in ended.stderr
+    there = {path.name for path in (tmp_path / "results").iterdir()}
+    assert {"report.html", "study.json", "shares.json", "compare.csv", "curves.png", "curves.svg"} <= there
 
 
 def test_the_readme_shows_commands() -> None:

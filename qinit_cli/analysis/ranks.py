@@ -17,6 +17,7 @@ from qinit_cli.analysis.multiplicity import holm
 from qinit_cli.arrays import Floats
 
 LEVEL = 0.05
+MOST_EXACT = 50  # differences, as scipy has it
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,33 @@ def rank_comparison(values: Floats, *, fewest: bool = False) -> RankComparison:
 
 def _signed_ranks(values: Floats) -> Iterator[float]:
     """Two-sided p of Wilcoxon's signed-rank test for each pair of columns; 1 where no block tells them apart."""
-    from scipy.stats import wilcoxon
-
     for first, second in combinations(range(values.shape[1]), 2):
         apart = values[:, first] - values[:, second]
-        apart = apart[apart != 0]  # as the test does, which then may count exactly
-        tied = len(np.unique(np.abs(apart))) < len(apart)
-        method = "asymptotic" if tied or len(apart) > 50 else "exact"
-        yield float(wilcoxon(apart, method=method).pvalue) if len(apart) else 1.0
+        yield signed_rank_p(apart[apart != 0])
+
+
+def signed_rank_p(apart: Floats) -> float:
+    """Two-sided p of Wilcoxon's signed-rank test of differences (B,), none of them 0; 1 where there are none.
+
+    Exact up to MOST_EXACT differences, equal ones among them: the normal approximation comes under the least p that so few
+    blocks can have.
+    """
+    from scipy.stats import rankdata, wilcoxon
+
+    if not len(apart):
+        return 1.0
+    if len(apart) > MOST_EXACT:
+        return float(wilcoxon(apart, method="asymptotic").pvalue)
+    twice = np.rint(2 * rankdata(np.abs(apart))).astype(np.int64)  # ranks of equal ones end in a half
+    ways = np.zeros(
+        int(twice.sum()) + 1
+    )  # to choose ranks of that sum: below 2^53, so that floats count them
+    ways[0] = 1.0
+    for rank in twice:
+        ways[rank:] += ways[:-rank].copy()
+    positive = int(twice[apart > 0].sum())
+    least = min(positive, len(ways) - 1 - positive)
+    return min(1.0, 2 * float(ways[: least + 1].sum()) / 2.0 ** len(apart))
 
 
 def _fewest_blocks(pairs: int) -> int:

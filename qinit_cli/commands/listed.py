@@ -1,7 +1,7 @@
 """What `qinit list` shows of each artefact, remembered from one listing to the next: opening 10,000 files takes half a minute.
 
 An entry counts only while the file is the one that was read: same name, device, inode, size, and times of its content and of
-its inode, of which no program can set the last. The file is JSON in the user's cache folder, not in the store, which others may write.
+its inode, of which no program can set the last. It is JSON in the user's cache folder, as others may write in the store.
 """
 
 from __future__ import annotations
@@ -143,13 +143,13 @@ def _with_settings(line: Line, told: Settings) -> Line:
 
 def _ours_alone(told: Settings) -> bool:
     """Whether no plug-in, other package or file of tasks has a say in how its settings read."""
-    from qinit_cli.artefacts.settings import OF_FILES
     from qinit_cli.environments import FAMILIES
+    from qinit_cli.environments.folds import OF_FILES
     from qinit_cli.learners import LEARNERS
     from qinit_cli.methods import METHODS
 
-    family = told.sources.family
-    if family.here is None or isinstance(family.here, OF_FILES) or getattr(family.here, "packages", ()):
+    here: object = told.sources.family.here
+    if here is None or isinstance(here, OF_FILES) or getattr(here, "packages", None):
         return False
     own = {name for one in (FAMILIES, METHODS, LEARNERS) for name in one if one.is_own(name)}
     named = {name for key, name in _named(told.spec()) if key in ("family", "method", "init", "learner")}

@@ -76,4 +76,5 @@ def sensitivity(
             TableColumn("sets", dispensable=True),
             TableColumn("targets", dispensable=True),
         ]
-    print_table(SCHEMA, columns, told.rows, tabular, display, caption=told.about, extra={"about": told.about})
+    extra = {"metric": told.metric, "about": told.about}
+    print_table(SCHEMA, columns, told.rows, tabular, display, caption=told.about, extra=extra)

@@ -69,12 +69,12 @@ class Placing:
         "The folder of the report, tables and pictures.",
         short="-o",
         metavar="DIR",
-        default_text="the file's name, with -results",
+        default_text="the file's name, the scale's if there is one, and results",
     )
     store: str = store_option()
 
     def folder(self, study: Study) -> Path:
-        """The folder asked for, else one beside no other study's."""
+        """The folder asked for, else one of the file's name, and the scale's, in the working directory."""
         scale = f"-{study.scale}" if study.scale else ""
         return Path(self.output or f"{study.file.stem}{scale}-results")
 
@@ -163,10 +163,14 @@ class Spread(Threads):
         # times have colons of their own, and only the first divides
         for part in rest.split(",") if rest else ():
             key, _, value = part.partition("=")
-            if key not in OF_SLURM or not value:
+            if key in OF_SLURM and not value:
+                raise ValueError(f"--slurm is {self.slurm!r}, with no value of {key}; write {key}=VALUE")
+            if key not in OF_SLURM:
                 raise ValueError(
-                    f"--slurm is {self.slurm!r}: {key!r} is no KEY=VALUE of it; {nearest(key, OF_SLURM)}"
+                    f"--slurm is {self.slurm!r}: {key!r} is no KEY of it; {nearest(key, OF_SLURM)}"
                 )
+            if key in given:
+                raise ValueError(f"--slurm is {self.slurm!r}, with {key} given twice; leave one of them out")
             if key == "cores" and not value.isdigit():
                 raise ValueError(f"--slurm is {self.slurm!r}: cores is a whole number")
             given[key] = int(value) if key == "cores" else value

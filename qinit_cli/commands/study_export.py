@@ -27,10 +27,10 @@ class Script:
     """What is written, and where."""
 
     to: Form | None = option(
-        None, "What reads it.", default_text="by the name of -o: Makefile, Snakefile, .sh, .sbatch"
+        None, "What runs the script.", default_text="by the name of -o: Makefile, Snakefile, .sh, .sbatch"
     )
     output: str | None = option(
-        None, "Write it here.", short="-o", metavar="FILE", default_text="standard output"
+        None, "The file of the script.", short="-o", metavar="FILE", default_text="standard output"
     )
     folder: str = option("results", "The folder that its commands write into.", metavar="DIR")
     force: bool = option(False, "Replace a file of that name with other content.", seldom=True)
@@ -62,7 +62,7 @@ class Submitting:
     """How jobs are submitted (sbatch)."""
 
     shards: int | None = option(
-        None, "Jobs that share the tasks of each sources.", low=1, metavar="N", default_text="1"
+        None, "Jobs that share the tasks of each sources artefact.", low=1, metavar="N", default_text="1"
     )
     cpus_per_task: int | None = option(None, "Cores of each job.", low=1, metavar="N", default_text="1")
     time: str | None = option(

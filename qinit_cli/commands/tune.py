@@ -89,11 +89,6 @@ def _add(methods: typer.Typer, name: str, method: type[Method]) -> None:
     )
 
 
-def tunable_methods() -> dict[str, type[Method]]:
-    """The methods that have parameters to choose."""
-    return {name: method for name, method in METHODS.items() if tunable(method) and not method.privileged}
-
-
 def tune(
     kind: type[Method],
     sources: str,

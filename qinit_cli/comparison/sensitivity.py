@@ -41,7 +41,7 @@ class SensitivityPoint:
     where: Where
     average: Estimate
     sets: int
-    targets: int  # of each set
+    targets: int  # of each set, of the one with the fewest
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,10 @@ class Averages:
         ]
 
     def estimate(self, runs: Sequence[ComparedRun]) -> tuple[Estimate, int, int]:
-        """The mean of these runs with its interval over source sets and targets; how many sets, how many targets of each."""
+        """The mean of these runs with its interval over source sets and targets; how many sets, and how many targets each has.
+
+        Where sets met unequally many targets each counts by its mean, and the least number is told.
+        """
         sets: dict[str, dict[str, list[Floats]]] = {}
         for run in runs:
             own_set = run.source_set if run.reads_sources else ""  # whatever fit it was given, it is the same
@@ -82,12 +85,13 @@ class Averages:
         values = [
             np.concatenate([np.mean(own[digest], axis=0) for digest in sorted(own)]) for own in sets.values()
         ]
-        if len({len(own) for own in values}) > 1:  # sets that met unequally many targets: each by its mean
+        targets = [len(own) for own in values]
+        if len(set(targets)) > 1:
             values = [own.mean(keepdims=True) for own in values]
         table = np.stack(values)
         rng = generator(runs[0].settings.seed, Stream.BOOTSTRAP, 0)
         found = Resampling(shared=len(met) == 1).interval(table[:, :, None], rng)
-        return found.at(0), *table.shape
+        return found.at(0), len(values), min(targets)
 
 
 def sensitivity_points(
@@ -174,16 +178,16 @@ def variance_table(averages: Averages) -> list[VarianceShare]:
     return [*rows, *rest, *noise]
 
 
-def shares_words(rows: Sequence[VarianceShare]) -> str:
+def shares_words(rows: Sequence[VarianceShare], metric: Metric) -> str:
     """What the shares are of, and what they are not."""
-    noise = (
-        ""
-        if rows[-1].setting == RESIDUAL
-        else "; every combination was run once, so that interactions hold the noise of source sets and targets too"
-    )
+    noise = ""
+    if len(rows) == 1:
+        noise = "; every value was run once, so that its share holds the noise of source sets and targets too"
+    elif rows[-1].setting != RESIDUAL:
+        noise = "; every combination was run once, so that interactions hold the noise of source sets and targets too"
     return (
-        "shares of the sum of squares of the runs' averages: what a setting adds to R2, averaged over all orders of taking "
-        f"settings in{noise}. They depend on which values were tried"
+        f"shares of the sum of squares of the runs' average {metric}: what a setting adds to R2, averaged over all orders of "
+        f"taking settings in{noise}. They depend on which values were tried"
     )
 
 
@@ -222,6 +226,7 @@ def ranked(averages: Averages) -> tuple[list[str], list[str], RankComparison]:
 class SensitivityTable:
     """Rows of plain values, and what they are of, in words."""
 
+    metric: Metric
     rows: list[dict[str, Any]]
     about: str
 
@@ -231,13 +236,13 @@ def points_told(runs: Sequence[ComparedRun], over: str, metric: Metric) -> Sensi
     varied = VariedRuns.of(runs)
     setting = varied.named(over, "--over")
     points = sensitivity_points(Averages(varied, metric), setting, varied.others(setting))
-    return SensitivityTable(point_rows(points, setting, metric), intervals_of(points))
+    return SensitivityTable(metric, point_rows(points, setting, metric), intervals_of(points))
 
 
 def shares_told(runs: Sequence[ComparedRun], metric: Metric) -> SensitivityTable:
     """A row for each setting that varies, its share in the variance of the runs' averages."""
     shares = variance_table(Averages(VariedRuns.of(runs), metric))
-    return SensitivityTable(share_rows(shares), shares_words(shares))
+    return SensitivityTable(metric, share_rows(shares), shares_words(shares, metric))
 
 
 def point_rows(points: Sequence[SensitivityPoint], over: VariedSetting, metric: str) -> list[dict[str, Any]]:

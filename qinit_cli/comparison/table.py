@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -11,6 +11,24 @@ if TYPE_CHECKING:
     from qinit_cli.comparison.rows import GroupComparison, Row
 
 SCHEMA = "qinit.compare/1"
+OF_ROW = ("targets", "sets", "method")  # what a row is of
+MEASURES = (  # beside the average itself, in the order in which they are printed
+    "difference",
+    "p",
+    "jumpstart",
+    "asymptotic",
+    "transfer_ratio",
+    "time_to_threshold",
+    "regret",
+    "success",
+    "restricted_steps",
+    "iqm",
+    "probability_of_improvement",
+    "restricted_mean_time_to_threshold",
+    "censored",
+    "negative_transfer",
+    "remark",
+)
 
 
 def told(comparisons: Sequence[GroupComparison], metric: str) -> dict[str, Any]:
@@ -28,6 +46,12 @@ def told(comparisons: Sequence[GroupComparison], metric: str) -> dict[str, Any]:
         ],
         "rows": plain_rows(comparisons, metric),
     }
+
+
+def with_columns(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The rows with what they are of and these columns alone, each with its bounds, in that order."""
+    wanted = [key for name in (*OF_ROW, *names) for key in (name, f"{name}_low", f"{name}_high")]
+    return [{key: row[key] for key in dict.fromkeys(wanted) if key in row} for row in rows]
 
 
 def plain_rows(comparisons: Iterable[GroupComparison], metric: str) -> list[dict[str, Any]]:

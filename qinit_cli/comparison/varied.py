@@ -307,10 +307,6 @@ def _lines(runs: Sequence[ComparedRun], known: Sequence[Known], varying: set[str
     return labels
 
 
-def _of_methods(known: Sequence[Known], runs: Sequence[ComparedRun]) -> set[str]:
-    return {name for run in runs for name in _of_method(run)}
-
-
 def _of_family(runs: Sequence[ComparedRun]) -> set[str]:
     return {FAMILY} | {
         name

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeGuard
 
+import numpy as np
+
 from qinit_cli.artefacts.opening import open_artefact
 from qinit_cli.artefacts.settings import Settings, SourcesSettings, without_range
 from qinit_cli.environments.family import draw_tasks
@@ -34,7 +36,7 @@ def take_over(
         return
     for path, ranges in _relatives(Store(keeping.store), settings):
         before = len(artefact.saved)
-        if set(asked) <= set(artefact.saved):
+        if np.isin(asked, artefact.saved).all():
             return
         try:
             with open_artefact(path, settings.kind) as there:

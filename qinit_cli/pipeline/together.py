@@ -40,6 +40,8 @@ def together(
                 if ended.issuperset(needs.get(key, ())):
                     running[threads.submit(waiting.pop(key))] = key
             if not running:
+                if received:  # since the loop's own look at it
+                    break
                 raise ValueError(f"{next(iter(waiting))} needs what is not made")
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 key = running.pop(future)

@@ -367,14 +367,18 @@ def learned(made: Made, targets: TargetTasks, fit: FittedTables) -> TargetsLearn
     from qinit_cli.pipeline.degenerate import TargetsLearned
 
     with open_artefact(made.source, "run") as artefact:
-        episodes = artefact.read("reached")
-        steps = int(artefact.read("steps").sum())
+        reached: Flags = np.zeros(artefact.task_count, np.bool_)
+        first = episodes = steps = 0
+        for block in artefact.blocks(("reached", "steps"), artefact.schema.block_size):
+            reached[first : first + len(block["task"])] = block["reached"].any(axis=1)
+            first += len(block["task"])
+            episodes += int(block["reached"].sum())
+            steps += int(block["steps"].sum())
         drawn = targets.draw(artefact.tasks)
-    reached: Flags = np.asarray(episodes.any(axis=1), np.bool_)
     solvable = targets.family.solvable(drawn, reached, targets.learning.horizon)
     return TargetsLearned(
         tasks=len(reached),
-        reached=int(episodes.sum()),
+        reached=episodes,
         unsolvable=int((~solvable).sum()),
         steps=steps / len(reached) if len(reached) else 0.0,
         knows=bool(fit.known.any()),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qinit_cli.analysis.ranks import RankComparison
     from qinit_cli.comparison.runs import ComparedRun
 
-FEWEST = 3  # methods and distributions in a report
+FEWEST = 3  # methods, and distributions, of a picture that nobody asked for by name
 ROW, HEAD, BAR = 0.2, 0.62, 0.13  # inches: a method's line, what stands above, a bar of a group
 LINE = 0.16  # inches, a line of text
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from qinit_cli.comparison.sensitivity import SensitivityPoint
     from qinit_cli.comparison.varied import Value, VariedRuns, VariedSetting
 
-MOST_PANELS, MOST_IN_REPORT = 12, 4
+MOST_PANELS, MOST_IN_REPORT = 12, 4  # where a report has more, what else varies is averaged over
 NO_PANELS = "none"
 DECADES = 100  # values that span more are drawn on a logarithmic axis
 ALONE, SEVERAL, LINE = 2.6, 1.9, 0.16  # inches: one panel, a row of several, a line of text

@@ -27,7 +27,7 @@ class Material:
     figures: Sequence[Figure]
     undrawn: Sequence[str]  # what is not in them, and why
     absent: Sequence[str]  # what is not among the artefacts, and why
-    shares: shares.SharesTold | None  # what decides the average return; None where no setting varies
+    shares: shares.SharesTold | None  # what decides the average; None where no setting varies
     of_claims: bool  # whether the paper's claims are what was asked; else they follow what was compared
 
 

@@ -1,4 +1,4 @@
-"""What decides the average return, as `qinit sensitivity --format json` has it: a sentence and a table."""
+"""What decides the average, as `qinit sensitivity --format json` has it: a sentence and a table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from qinit_cli.report.content import Block, Cell, PageColumn, Table, Text
 from qinit_cli.report.numbers import listed, number
 
-SharesTold = Mapping[str, Any]  # "rows" and "about"
+SharesTold = Mapping[str, Any]  # "metric", "rows" and "about"
 
 FOREMOST = 3  # rows that the sentence names
 
@@ -20,13 +20,12 @@ def blocks(shares: SharesTold | None) -> Iterator[Block]:
     rows: Sequence[Mapping[str, Any]] = shares["rows"]
     largest = sorted(rows, key=lambda row: -row["share"])[:FOREMOST]
     said = listed([f"{row['setting']} {100 * row['share']:.0f} %" for row in largest])
-    yield Text(f"Of the variance of the average return over these runs, the largest shares are: {said}.")
+    average = f"the variance of the average {shares['metric']}"
+    yield Text(f"Of {average} over these runs, the largest shares are: {said}.")
     columns = [PageColumn("setting"), PageColumn("values", numeric=True), PageColumn("share", numeric=True)]
     body = [
         [Cell(row["setting"]), Cell(number(row["values"])), Cell(f"{100 * row['share']:.1f} %")]
         for row in rows
     ]
     about = str(shares["about"])
-    yield Table(
-        "Shares of the variance of the average return", columns, body, [f"{about[0].upper()}{about[1:]}."]
-    )
+    yield Table(f"Shares of {average}", columns, body, [f"{about[0].upper()}{about[1:]}."])

@@ -99,8 +99,8 @@ def made_of(shown: Shown, digests: Mapping[Artefact, str]) -> str:
     match shown:
         case PlannedPicture(plot=plot):
             told += [plot.name, asdict(plot)]
-        case PlannedTable(first=first, baseline=baseline, metric=metric):
-            told += [str(first), baseline, metric]
+        case PlannedTable(first=first, baseline=baseline, metric=metric, columns=columns):
+            told += [str(first), baseline, metric, list(columns)]
         case PlannedShares(metric=metric):
             told.append(metric)
         case PlannedJudgement(whole=whole):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -126,8 +127,9 @@ def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...]
             words = ["plot", plot.name, *given, *option_words(plot), "-o", target, "--store", folder]
             words += [] if title is None else ["--title", _line(title)]
             return ScriptStep("pictures", target, given, (*words, *_imported(imports)))
-        case PlannedTable(baseline=baseline, metric=metric):
+        case PlannedTable(baseline=baseline, metric=metric, columns=columns):
             words = ["compare", *given, "--baseline", baseline, "--metric", metric, "--format", "csv"]
+            words += ["--columns", ",".join(columns)] if columns else []
             return ScriptStep("tables", f"{folder}/tables/{name}.csv", given, tuple(words), printed=True)
         case PlannedShares(metric=metric):
             words = ["sensitivity", *given, "--metric", metric, "--format", "csv"]
@@ -140,11 +142,11 @@ def _of_shown(shown: Shown, files: dict[Artefact, str], imports: tuple[str, ...]
 def _files(artefacts: Sequence[Artefact], folder: str) -> dict[Artefact, str]:
     """Where each goes: named for what it is, by the options that it has only where others are called the same."""
     plain = {one: _plain(named(one)) for one in artefacts}
-    often = {(type(one), name) for one, name in plain.items() if _count(plain, one, name) > 1}
+    count = Counter((type(one), name) for one, name in plain.items())
     found: dict[Artefact, str] = {}
     taken: set[str] = set()
     for one, name in plain.items():
-        if (type(one), name) in often:
+        if count[type(one), name] > 1:
             name = _plain("-".join([name, *_telling(one)]))
         base, number, stage = name[:LONGEST], 1, STAGES[type(one)]
         while (file := f"{folder}/{stage}/{base}{'' if number == 1 else f'-{number}'}.h5") in taken:
@@ -152,10 +154,6 @@ def _files(artefacts: Sequence[Artefact], folder: str) -> dict[Artefact, str]:
         taken.add(file)
         found[one] = file
     return found
-
-
-def _count(plain: dict[Artefact, str], artefact: Artefact, name: str) -> int:
-    return sum(other == name and type(one) is type(artefact) for one, other in plain.items())
 
 
 def _telling(artefact: Artefact) -> Iterator[str]:

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 from qinit_cli.errors import QinitError, UsageError
 from qinit_cli.nearest import nearest
 from qinit_cli.options import UNIONS, flag, options
-from qinit_cli.study.lines import Place
+from qinit_cli.study.lines import KeyPlace
 
 Owner = TypeVar("Owner")
 
@@ -24,16 +24,16 @@ class Given:
     """One table of the file."""
 
     file: str
-    place: Place
+    place: KeyPlace
     values: Mapping[str, Any]
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPlace, int]
 
     def refuse(self, problem: str, key: str | None = None) -> NoReturn:
         """UsageError, with the line of the key, or of the table."""
         raise UsageError(f"{self._where(key)}: {problem}")
 
     def _where(self, key: str | None) -> str:
-        place: Place = self.place if key is None else (*self.place, key)
+        place: KeyPlace = self.place if key is None else (*self.place, key)
         while place and place not in self.lines:
             place = place[:-1]
         return f"{self.file}, line {self.lines[place]}" if place in self.lines else self.file
@@ -102,7 +102,7 @@ class Given:
             if isinstance(mine, Mapping) and isinstance(value, Mapping):
                 value = {**mine, **value}
             values[key] = value
-            own: Place = (*other.place, key)
+            own: KeyPlace = (*other.place, key)
             while own and own not in other.lines:  # an inline table has one line
                 own = own[:-1]
             if own:

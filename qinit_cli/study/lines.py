@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-Place = tuple[str | int, ...]  # ("distribution", 0, "variance")
+KeyPlace = tuple[str | int, ...]  # ("distribution", 0, "variance")
 
 HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 KEY = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -13,11 +13,11 @@ PART = re.compile(r"""[\w-]+|"[^"]*"|'[^']*'""")
 QUOTED = re.compile(r'''"""|\'\'\'|"(?:\\.|[^"\\])*"|'[^']*'|#.*''')
 
 
-def lines(text: str) -> dict[Place, int]:
+def lines(text: str) -> dict[KeyPlace, int]:
     """The line, counted from 1, of each table and key of a valid text; a key within an inline table has its table's line."""
-    found: dict[Place, int] = {}
-    count: Counter[Place] = Counter()  # tables of each list so far
-    table: Place = ()
+    found: dict[KeyPlace, int] = {}
+    count: Counter[KeyPlace] = Counter()  # tables of each list so far
+    table: KeyPlace = ()
     depth, ending = 0, ""  # of brackets that are open, and the end of the text that is
     for number, line in enumerate(text.splitlines(), 1):
         if ending:
@@ -42,9 +42,9 @@ def lines(text: str) -> dict[Place, int]:
     return found
 
 
-def _within(name: str, count: Counter[Place]) -> Place:
+def _within(name: str, count: Counter[KeyPlace]) -> KeyPlace:
     """The table of that name; below a list of tables it is of the last so far."""
-    place: Place = ()
+    place: KeyPlace = ()
     *above, last = _parts(name)
     for part in above:
         place = (*place, part)

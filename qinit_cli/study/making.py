@@ -147,10 +147,11 @@ class Maker:
     def _knowledge(self, fit: Path) -> Knowledge:
         from qinit_cli.pipeline.knowledge import Knowledge
 
-        known = self._read  # once: with several artefacts at once, another thread replaces it
-        if known is None or known.path != fit:
-            self._read = known = Knowledge.read(fit)
-        return known
+        # another thread may put the fit of its own run there at any time
+        read = self._read
+        if read is None or read.path != fit:
+            self._read = read = Knowledge.read(fit)
+        return read
 
 
 def sources_plan(sources: PlannedSources) -> Plan:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from qinit_store.reading import Description
 
-STAGES = ("sources", "fits", "tunings", "runs", "pictures", "tables", "verdicts")
+COUNTED = ("sources", "fits", "tunings", "runs", "pictures", "tables", "verdicts")  # whose time is told
 VERDICTS, SHARES = "verdicts", "shares"  # names of the entries that are no comparison
 
 
@@ -55,8 +55,11 @@ class Spent:
     """What a stage took."""
 
     made: int = 0
-    seconds: float = 0.0  # on the clock
+    seconds: float = 0.0  # on the clock, of each thing that was made: at once they count each
     steps: int = 0  # of learning
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.made + other.made, self.seconds + other.seconds, self.steps + other.steps)
 
 
 def manifest(

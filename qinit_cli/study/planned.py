@@ -143,6 +143,7 @@ class PlannedTable:
     first: int | None = None  # targets that count; None: all
     baseline: str = "zero"
     metric: Metric = "return"
+    columns: tuple[str, ...] = ()  # of its files for spreadsheets and data frames; (): all
 
     @property
     def artefacts(self) -> tuple[Artefact, ...]:

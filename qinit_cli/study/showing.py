@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.comparison.table import MEASURES
 from qinit_cli.environments.family import task_count
 from qinit_cli.nearest import nearest
 from qinit_cli.study.given import Given
@@ -34,7 +35,18 @@ KINDS: dict[str, type[Artefact]] = {
 }
 METRICS: tuple[Metric, ...] = ("return", "success", "steps")
 SELECTING = ("distributions", "fits", "methods", "where")
-OF_TABLE = ("name", "figure", "title", "first", "baseline", "metric", "each", "select", *SELECTING)
+OF_TABLE = (
+    "name",
+    "figure",
+    "title",
+    "first",
+    "baseline",
+    "metric",
+    "columns",
+    "each",
+    "select",
+    *SELECTING,
+)
 OF_PLOT = ("name", "figure", "kind", "title", "caption", "each", "select", *SELECTING)
 
 
@@ -81,6 +93,11 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
         count = task_count(family, "target", run.learning.tasks)
         if first > count:
             entry.refuse(f"first is {first}, and {named(run)} has {counted(count, 'target')}", "first")
+    metric = metric_of(entry) or metric_of(study) or "return"
+    columns = entry.texts("columns") or ()
+    for column in columns:
+        if column not in (metric, *MEASURES):
+            entry.refuse(f"columns has {column!r}; {nearest(column, (metric, *MEASURES))}", "columns")
     for ending, those in _each(entry, selected):
         yield PlannedTable(
             f"{name}{ending}",
@@ -91,7 +108,8 @@ def tables(entry: Given, planned: Sequence[Selectable], study: Given) -> Iterato
             ),
             entry.of("first", int),
             baseline,
-            metric_of(entry) or metric_of(study) or "return",
+            metric,
+            columns,
         )
 
 

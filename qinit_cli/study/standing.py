@@ -71,7 +71,7 @@ class RunUnderWay:
         told = f"{self.begun} of {self.of} begun, under way: {what}"
         if self.alive is False:
             return (
-                f"no run is at work: process {self.pid} ended {duration(self.age)} ago or later ({told}); "
+                f"no run is at work: process {self.pid} ended, at most {duration(self.age)} ago ({told}); "
                 "the same qinit study run goes on"
             )
         where = f"process {self.pid}" if self.alive else f"process {self.pid} on {self.host}"

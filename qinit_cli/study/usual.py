@@ -15,14 +15,8 @@ if TYPE_CHECKING:
     from qinit_cli.plots import Plot
     from qinit_cli.study.combining import Selectable
 
-MOST_PANELS = 4  # of a picture of one setting; where there would be more, the others are averaged over
-FEWEST_RANKED = 3  # methods, and distributions
-NO_SETTINGS = (
-    "seed",
-    "sources.seed",
-    "targets.seed",
-    "targets.tasks",
-)  # what intervals are over, and how many targets
+# what intervals are over, and how many targets
+NO_SETTINGS = ("seed", "sources.seed", "targets.seed", "targets.tasks")
 
 
 def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
@@ -50,21 +44,21 @@ def usual(planned: Sequence[Selectable], study: Given) -> Iterator[Shown]:
 def _sensitivity(runs: Sequence[Selectable], metric: Metric) -> Iterator[Shown]:
     """A picture for each number that varies, one for the first two of them, ranks over distributions, and the shares."""
     from qinit_cli.plots.grid import GridPlot
-    from qinit_cli.plots.ranks import RanksPlot
-    from qinit_cli.plots.sensitivity import NO_PANELS, SensitivityPlot
+    from qinit_cli.plots.ranks import FEWEST, RanksPlot
+    from qinit_cli.plots.sensitivity import MOST_IN_REPORT, NO_PANELS, SensitivityPlot
 
     varied = _varied(runs)
     distributions = {family_of(one.artefact) for one in runs}
     methods = {one.artefact.method.label for one in runs if isinstance(one.artefact, PlannedRun)}
     for name, values in varied.items():
         others = math.prod(len(other) for key, other in varied.items() if key != name)
-        panels = None if max(others, len(distributions) // len(values)) <= MOST_PANELS else NO_PANELS
+        panels = None if max(others, len(distributions) // len(values)) <= MOST_IN_REPORT else NO_PANELS
         plot = SensitivityPlot(over=name, panels=panels, metric=metric)
         yield _picture(f"sensitivity-{name.replace('.', '-')}", plot, runs, optional=True)
     if len(varied) > 1:
         over, by = list(varied)[:2]
         yield _picture("grid", GridPlot(over=over, by=by, metric=metric), runs, optional=True)
-    if min(len(distributions), len(methods)) >= FEWEST_RANKED:
+    if min(len(distributions), len(methods)) >= FEWEST:
         yield _picture("ranks", RanksPlot(metric=metric), runs, optional=True)
     if varied:
         yield PlannedShares(_runs(runs), metric)

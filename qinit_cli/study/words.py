@@ -13,11 +13,11 @@ from qinit_cli.study.planned import PlannedFit, PlannedRun, PlannedSources, Plan
 if TYPE_CHECKING:
     from qinit_cli.study.planned import Artefact
 
-Given = dict["Artefact", str]  # how artefacts are named in commands
+Names = dict["Artefact", str]  # of artefacts in commands: paths
 
 
 def command(
-    artefact: Artefact, given: Given, output: tuple[str, ...], imports: tuple[str, ...] = ()
+    artefact: Artefact, given: Names, output: tuple[str, ...], imports: tuple[str, ...] = ()
 ) -> list[str]:
     """The words behind `qinit`: what it is made of by the names `given`, and where it goes, such as ("--store", DIR)."""
     imported = [word for module in imports for word in ("--import", module)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -10,6 +11,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qinit_cli.comparison.table import MEASURES, with_columns
 from qinit_cli.errors import Interrupted, QinitError
 from qinit_cli.pipeline.keeping import Keeping
 from qinit_cli.pipeline.machine import Machine
@@ -21,8 +23,7 @@ from qinit_cli.study.drawing import Drawing, file_of, made_of
 from qinit_cli.study.folder import PROGRESS, REPORT, opened
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost, Foresight
 from qinit_cli.study.making import Maker, Place
-from qinit_cli.study.manifest import STAGES as SPENT_STAGES
-from qinit_cli.study.manifest import FolderKind, Spent, entries_of, manifest
+from qinit_cli.study.manifest import COUNTED, FolderKind, Spent, entries_of, manifest
 from qinit_cli.study.pace import DRAWING, kind_of
 from qinit_cli.study.planned import (
     STAGES,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from qinit_cli.pipeline.job import Made
     from qinit_store.reading import Description
 
-Entries = dict[str, dict[str, Any]]  # of the manifest, by file
+ManifestEntries = dict[str, dict[str, Any]]  # of the manifest, by file
 
 
 @dataclass(frozen=True)
@@ -74,12 +75,13 @@ class StudyWork:
     paths: dict[Artefact, Path] = field(default_factory=dict)  # of the same
     digests: dict[Artefact, str] = field(default_factory=dict)  # content hashes of the same
     failed: list[Failed] = field(default_factory=list)
-    spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in SPENT_STAGES})
+    spent: dict[str, Spent] = field(default_factory=lambda: {stage: Spent() for stage in COUNTED})
 
     def __post_init__(self) -> None:
         self._maker = Maker(self.keeping, self._share(), self.study.imports)
-        self._entries: Entries = {}
+        self._entries: ManifestEntries = {}
         self._left_out: dict[str, dict[str, str]] = {}  # optional pictures, by file
+        self._counting = threading.Lock()  # of `spent`, which the threads of several artefacts add to
 
     def _share(self) -> Machine:
         """How much of the machine one artefact uses."""
@@ -251,7 +253,7 @@ class StudyWork:
             try:
                 with self._counted(STAGES[type(artefact)]) as spent:
                     made = self._maker.make(artefact, self.paths, whole)
-                    spent.steps += made.tally.steps
+                    spent.steps = made.tally.steps
                 return made
             except SystemFailed:  # a full disk fails all that follows
                 raise
@@ -300,10 +302,13 @@ class StudyWork:
                     entry |= self._picture(shown, drawing, reporter)
             case PlannedTable():
                 with self._counted("tables"):
-                    entry |= self._table(shown.name, drawing.table(shown))
+                    table = drawing.table(shown)
+                    columns = shown.columns or (shown.metric, *MEASURES)
+                    entry |= self._table(shown.name, table, with_columns(table["rows"], columns))
             case PlannedShares():
                 with self._counted("tables"):
-                    entry |= self._table(shown.name, drawing.shares(shown))
+                    shares = drawing.shares(shown)
+                    entry |= self._table(shown.name, shares, shares["rows"])
             case PlannedJudgement():
                 with self._counted("verdicts"):
                     self._folder.write_json(file, drawing.verdicts(shown))
@@ -319,13 +324,13 @@ class StudyWork:
             drawn.save(self._folder.picture(file))
         return {"png": png, "caption": shown.caption, "alt": drawn.alt, "title": shown.title or drawn.title}
 
-    def _table(self, name: str, table: dict[str, Any]) -> dict[str, str]:
-        """Saves its rows as JSON, CSV and, with pyarrow, Parquet; its part of the manifest's entry."""
+    def _table(self, name: str, table: dict[str, Any], rows: list[dict[str, Any]]) -> dict[str, str]:
+        """Saves it as JSON, its rows as CSV and, with pyarrow, Parquet; its part of the manifest's entry."""
         from qinit_cli.study.table_files import csv_of, parquet_of
 
         self._folder.write_json(f"{name}.json", table)
         files: dict[str, str] = {}
-        for kind, content in (("csv", csv_of(table["rows"])), ("parquet", parquet_of(table["rows"]))):
+        for kind, content in (("csv", csv_of(rows)), ("parquet", parquet_of(rows))):
             if content is not None:
                 files[kind] = f"{name}.{kind}"
                 self._folder.write(files[kind], content)
@@ -343,13 +348,15 @@ class StudyWork:
 
     @contextmanager
     def _counted(self, stage: str) -> Iterator[Spent]:
-        """Counts the time, and one thing made, for that stage."""
-        began, spent = time.monotonic(), self.spent[stage]
+        """Counts the time, one thing made, and the steps that the block notes, for that stage."""
+        began, own = time.monotonic(), Spent()
         try:
-            yield spent
-            spent.made += 1
+            yield own
+            own.made = 1
         finally:
-            spent.seconds += time.monotonic() - began
+            own.seconds = time.monotonic() - began
+            with self._counting:
+                self.spent[stage] += own
 
 
 def _problem(error: Exception) -> str:

@@ -23,6 +23,7 @@ from qinit_store.schema import DIGEST_BYTES, Array, Column
 
 TASK_TAG = b"qinit task 1\0"
 CONTENT_TAG = b"qinit content 1\0"
+AT_ONCE = 4096  # tasks whose ids and digests are hashed in one piece
 
 
 def task_digests(columns: Iterable[Column], ids: Array, rows: Mapping[str, Array]) -> Array:
@@ -48,9 +49,11 @@ def content_sha256(
 ) -> str:
     """Hexadecimal content hash; `ids` and `digests` in any order, `datasets` those without a task axis."""
     digest = hashlib.sha256(CONTENT_TAG + f"{kind}\0{spec_json}\0".encode() + ids.size.to_bytes(8, "little"))
-    for position in np.argsort(ids, kind="stable"):
-        digest.update(int(ids[position]).to_bytes(8, "little", signed=True))
-        digest.update(digests[position].tobytes())
+    order = np.argsort(ids, kind="stable")
+    for first in range(0, ids.size, AT_ONCE):
+        some = order[first : first + AT_ONCE]
+        numbers = ids[some].astype("<i8").view(np.uint8).reshape(-1, 8)
+        digest.update(np.hstack([numbers, digests[some]]).tobytes())
     for name in sorted(datasets):
         values = np.ascontiguousarray(datasets[name], dtype=datasets[name].dtype.newbyteorder("<"))
         digest.update(_head(name, values.dtype, values.shape))

@@ -20,7 +20,8 @@ from qinit_store.interrupts import HeldBack, held_back
 from qinit_store.lock import Lock, held
 from qinit_store.presence import AGAIN, exists, is_folder, status
 from qinit_store.reading import Artefact, Told, describe, open_artefact, open_part, silent
-from qinit_store.schema import DIGEST_BYTES, TASK, TASK_DIGEST, Array, Schema
+from qinit_store.saved import Saved
+from qinit_store.schema import TASK, TASK_DIGEST, Array, Schema
 from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
 DISK = Disk()
@@ -92,9 +93,8 @@ class Work:
         self._wanted = np.arange(self.asked) if tasks is None else _checked_ids(tasks)
         self._force = force
         self._disk = disk
-        self._places: dict[int, tuple[Path, int]] = {}  # task id: part file, row
-        self._digests: dict[int, bytes] = {}
-        self._standing_ids: set[int] = set()  # of the tasks in the artefact that is there already
+        self._saved = Saved()
+        self._standing_ids: Array = NO_TASKS  # of the tasks in the artefact that is there already
         self._stood = ""  # its content hash
         self._lock: Lock | None = None
         self._replaces = force
@@ -104,13 +104,12 @@ class Work:
     @property
     def saved(self) -> Array:
         """The ids of the tasks that need not be learned again, ascending."""
-        return np.array(sorted(self._digests), dtype=np.int64)
+        return self._saved.ids
 
     @property
     def kept(self) -> int:
         """How many of these are still on the disk: other programs may remove part files; SystemFailed."""
-        there = set(folder.part_paths(self.folder))
-        return sum(path in there for path, _ in self._places.values())
+        return self._saved.count(set(folder.part_paths(self.folder)))
 
     @property
     def asked(self) -> int:
@@ -124,11 +123,12 @@ class Work:
             return False
         with self._standing() as artefact:
             self._compare(artefact)
-            self._standing_ids = set(artefact.tasks.tolist())
+            self._standing_ids = artefact.tasks
             same = _asked(artefact.spec) == self.asked
-            self.complete = same and self._standing_ids.issuperset(self._wanted.tolist())
+            self.complete = same and bool(np.isin(self._wanted, self._standing_ids).all())
             if self.complete:
-                self._digests = _by_id(artefact)
+                self._saved = Saved()
+                self._saved.add(self.target, artefact.tasks, artefact.digests)
                 self._disk.touch(self.target)
         return self.complete
 
@@ -156,9 +156,9 @@ class Work:
         before.
         """
         ids = _checked_ids(tasks)
-        known = sorted(self._digests.keys() & set(ids.tolist()))
-        if known:
-            raise ValueError(f"tasks {known[:5]} are saved already")
+        known = np.sort(ids[self._saved.known(ids)])
+        if known.size:
+            raise ValueError(f"tasks {known[:5].tolist()} are saved already")
         columns = encoding.checked(self._schema, self._schema.task_columns, rows, ids.size)
         if (np.diff(ids) < 0).any():
             order = np.argsort(ids)
@@ -168,7 +168,7 @@ class Work:
     def row(self, number: int) -> dict[str, Array]:
         """The verified columns of the saved task with the id `number`, without their task axis."""
         with _OpenParts(self._schema.kind) as parts:
-            rows, check = self._gathered([number], parts)
+            rows, check = self._gathered(np.array([number]), parts)
         check()
         return {name: values[0] for name, values in rows.items()}
 
@@ -187,9 +187,10 @@ class Work:
             )
         artefact.expect(self._part_schema.axes, self._schema.task_columns)
         for block in artefact.blocks(given, artefact.schema.block_size):
-            numbers = block[TASK].tolist()
-            own = np.array(numbers if places is None else [places.get(number, -1) for number in numbers])
-            new = np.array([self._wants(number) for number in own.tolist()], dtype=bool)
+            own = block[TASK]
+            if places is not None:
+                own = np.array([places.get(number, -1) for number in own.tolist()])
+            new = (own >= 0) & (own < self.asked) & ~self._saved.known(own)
             if new.any():
                 self.save({name: block[name][new] for name in given}, own[new])
 
@@ -210,10 +211,10 @@ class Work:
         `checked` receive how many tasks of how many the new file holds, and how many of them were read back.
         """
         ids = np.sort(_checked_ids(NO_TASKS if tasks is None else tasks))
-        self._refuse_beyond(set(ids.tolist()))
-        missing = set(ids.tolist()) - self._digests.keys()
-        if missing:
-            raise ValueError(f"tasks {sorted(missing)[:5]} are not saved")
+        self._refuse_beyond(ids)
+        missing = ids[~self._saved.known(ids)]
+        if missing.size:
+            raise ValueError(f"tasks {missing[:5].tolist()} are not saved")
         values = encoding.checked(self._schema, self._schema.static_columns, statics or {}, 0)
         header = self._header(f"qinit/{self._schema.kind}", self._record.spec, provenance or {}, inputs)
         whole = self.folder / folder.WHOLE
@@ -253,12 +254,7 @@ class Work:
         path = self.folder / folder.part_name(int(ids[0]), ids.size, digests[0].tobytes().hex())
         with self._keeping():
             publish.place(self._disk, path, image)
-        self._count(path, ids, digests)
-
-    def _count(self, path: Path, ids: Array, digests: Array) -> None:
-        for row, number in enumerate(ids.tolist()):
-            self._places[number] = (path, row)
-            self._digests[number] = digests[row].tobytes()
+        self._saved.add(path, ids, digests)
 
     @property
     def _part_spec(self) -> dict[str, Any]:
@@ -301,7 +297,7 @@ class Work:
             there = ""
         if there != self._stood:
             raise Refused(
-                f"{self.target} was replaced by another program while this was being written; the {len(self._digests)}"
+                f"{self.target} was replaced by another program while this was being written; the {len(self._saved)}"
                 f" tasks are kept in {self.folder}; give another name with -o, or --force"
             )
 
@@ -315,29 +311,25 @@ class Work:
                 f"{artefact.path} has other settings ({other}); give another name with -o, or --force"
             )
 
-    def _wants(self, number: int) -> bool:
-        return 0 <= number < self.asked and number not in self._digests
-
     def _discard_other_work(self) -> None:
         kept = self._kept()
         other = kept is None or kept.kind != self._schema.kind or bool(self._other_settings(kept.spec))
-        asked = set(range(self.asked))
-        if other or any(self._ids(path) - asked for path in folder.part_paths(self.folder)):
+        if other or any((self._ids(path) >= self.asked).any() for path in folder.part_paths(self.folder)):
             folder.remove_parts(self.folder, self._disk)
 
     def _holds_more(self, path: Path) -> bool:
         """Whether a part file has tasks the artefact lacks, or belongs to other settings."""
         kept = folder.read_record(self.folder)
         other = kept is not None and bool(self._other_settings(kept.spec))
-        return other or bool(self._ids(path) - self._standing_ids)
+        return other or not np.isin(self._ids(path), self._standing_ids).all()
 
-    def _ids(self, path: Path) -> set[int]:
+    def _ids(self, path: Path) -> Array:
         """The ids in a part file; none where it cannot be trusted."""
         try:
             with open_part(path, self._schema.kind) as part:
-                return set(part.tasks.tolist())
+                return part.tasks
         except (Damaged, NotFound, Refused):
-            return set()
+            return NO_TASKS
 
     def _refuse_other_work(self) -> None:
         kept = self._kept()
@@ -377,7 +369,7 @@ class Work:
             except (Damaged, Refused):
                 self.set_aside += _count_by_name(path)
                 folder.set_bad_aside(path, self._disk)
-        self._refuse_beyond(set(range(self.asked)))
+        self._refuse_beyond(np.arange(self.asked))
 
     def _load(self, path: Path) -> None:
         found = status(path)
@@ -387,21 +379,22 @@ class Work:
             self._compare(part, enough=False)
             if _essence(part.schema) != _essence(self._part_schema):
                 raise Damaged(f"{path} has other columns than this version writes")
-            if self._digests.keys() & set(part.tasks.tolist()):
+            if self._saved.known(part.tasks).any():
                 raise Damaged(f"{path} repeats tasks of another part")
             part.expect((), self._schema.task_columns)
             part.check_tasks()
-            self._count(path, part.tasks, part.digests)
+            self._saved.add(path, part.tasks, part.digests)
 
-    def _refuse_beyond(self, asked: set[int]) -> None:
+    def _refuse_beyond(self, asked: Array) -> None:
         """Refused where a saved task is not asked for: it would be thrown away silently."""
-        beyond = sorted(self._digests.keys() - asked)
-        if not beyond:
+        ids = self._saved.ids
+        beyond = ids[~np.isin(ids, asked)]
+        if not beyond.size:
             return
         kept = folder.read_record(self.folder) or self._record
         raise Refused(
             f"{self.target} was begun for {kept.spec.get('tasks', 'more')} tasks and holds task {beyond[-1]},"
-            f" asked for are {len(asked)}; finish it with {kept.command}, give another name with -o,"
+            f" asked for are {asked.size}; finish it with {kept.command}, give another name with -o,"
             " or discard it with --force"
         )
 
@@ -415,8 +408,7 @@ class Work:
         told: Told,
     ) -> str:
         """Write the final file; its content hash."""
-        joined = b"".join(self._digests[number] for number in ids.tolist())
-        digests = np.frombuffer(joined, dtype=np.uint8).reshape(-1, DIGEST_BYTES)
+        digests = self._saved.digests(ids)
         with held_back() as signals:
             growing = publish.Growing(self._disk, whole, self._room(ids, statics))
             try:
@@ -435,10 +427,8 @@ class Work:
         return content
 
     def _room(self, ids: Array, statics: Mapping[str, Array]) -> int:
-        parts = {self._places[number][0] for number in ids.tolist()}
-        return ROOM_BEYOND_PARTS + sum(
-            [*(_size(path) for path in parts), *(values.nbytes for values in statics.values())]
-        )
+        parts = sum(_size(path) for path in self._saved.paths(ids))
+        return ROOM_BEYOND_PARTS + parts + sum(values.nbytes for values in statics.values())
 
     def _blocks(
         self, ids: Array, parts: _OpenParts, growing: publish.Growing, signals: HeldBack, told: Told
@@ -448,27 +438,22 @@ class Work:
         for first in range(0, ids.size, size):
             growing.check()
             signals.deliver()
-            yield self._gathered(ids[first : first + size].tolist(), parts)
+            yield self._gathered(ids[first : first + size], parts)
             told(min(first + size, ids.size), ids.size)
         growing.check()
 
-    def _gathered(self, numbers: list[int], parts: _OpenParts) -> tuple[dict[str, Array], encoding.Check]:
+    def _gathered(self, ids: Array, parts: _OpenParts) -> tuple[dict[str, Array], encoding.Check]:
         block = {
-            column.name: np.empty((len(numbers), *self._schema.row_shape(column)), dtype=column.little_endian)
+            column.name: np.empty((ids.size, *self._schema.row_shape(column)), dtype=column.little_endian)
             for column in self._schema.task_columns
         }
         checks: list[encoding.Check] = []
-        by_part: dict[Path, list[tuple[int, int]]] = {}
-        for position, number in enumerate(numbers):
-            path, row = self._places[number]
-            by_part.setdefault(path, []).append((position, row))
-        for path, places in by_part.items():
-            positions, found = zip(*places, strict=True)
+        for path, positions, found in self._saved.by_path(ids):
             # Parts and blocks are in the order of ids, so what lies between belongs to the block too.
-            rows, check = parts[path].rows_to_check(found[0], found[-1] + 1)
+            rows, check = parts[path].rows_to_check(int(found[0]), int(found[-1]) + 1)
             checks.append(check)
             for name, values in block.items():
-                values[list(positions)] = rows[name]
+                values[positions] = rows[name]
         return block, partial(_all_hold, checks)
 
     def _check(self, whole: Path, content: str, threads: int, told: Told) -> None:
@@ -505,7 +490,7 @@ class Work:
                 return self._gone()
             kept = folder.tasks_saved(self.folder)
         except SystemFailed:
-            kept = len(self._digests)  # nobody took them away
+            kept = len(self._saved)  # nobody took them away
         reason = str(failure).removesuffix(AGAIN)
         if isinstance(failure, OSError):
             reason = f"cannot write {failure.filename}: {failure.strerror}"
@@ -515,7 +500,7 @@ class Work:
 
     def _gone(self) -> str:
         """What happened where the folder is no longer the one that was locked."""
-        saved = len(self._digests)
+        saved = len(self._saved)
         if is_folder(self.folder):
             return (
                 f"the lock of {self.folder} was removed or the folder replaced while this was being written, so nothing"
@@ -595,13 +580,6 @@ def _checked_ids(tasks: Any) -> Array:
     if ids.ndim != 1 or ids.dtype.kind not in "iu" or np.unique(ids).size != ids.size or (ids < 0).any():
         raise ValueError(f"task ids must be one row of distinct whole numbers from 0, not {tasks!r}")
     return ids.astype(np.int64)
-
-
-def _by_id(artefact: Artefact) -> dict[int, bytes]:
-    return {
-        number: digest.tobytes()
-        for number, digest in zip(artefact.tasks.tolist(), artefact.digests, strict=True)
-    }
 
 
 def _essence(schema: Schema) -> tuple[object, ...]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from qinit_cli.analysis.multiplicity import holm
-from qinit_cli.analysis.ranks import rank_comparison
+from qinit_cli.analysis.ranks import rank_comparison, signed_rank_p
 
 # Demsar (2006), table 6: ranks of C4.5 and three variants on 14 data sets
 PUBLISHED = np.array(
@@ -42,6 +42,22 @@ def test_tests_are_those_of_scipy_with_holm_over_all_pairs() -> None:
     pairs = list(combinations(range(4), 2))
     single = [stats.wilcoxon(values[:, one], values[:, other]).pvalue for one, other in pairs]
     assert [found.pairs[pair] for pair in pairs] == pytest.approx(holm(np.array(single)).tolist())
+
+
+@pytest.mark.parametrize("blocks", [1, 2, 7, 30, 50])
+def test_without_ties_the_p_of_a_pair_is_the_exact_one_of_scipy(blocks: int) -> None:
+    apart = np.random.default_rng(blocks).normal(0.3, size=blocks)
+    assert signed_rank_p(apart) == pytest.approx(stats.wilcoxon(apart, method="exact").pvalue, rel=1e-12)
+
+
+def test_with_ties_the_p_of_a_pair_is_counted_over_all_signs() -> None:
+    assert signed_rank_p(np.full(5, 0.25)) == 2 / 32  # 0.025 by the normal approximation
+    apart = np.array([1.0, 1.0, -1.0, 2.0, 2.0, 3.0])
+    ranks = stats.rankdata(np.abs(apart))
+    sums = np.array(list(product((0, 1), repeat=6))) @ ranks
+    assert signed_rank_p(apart) == pytest.approx(2 * np.mean(sums <= ranks[2]))
+    many = np.repeat(np.random.default_rng(0).normal(0.3, size=30), 2)
+    assert signed_rank_p(many) == pytest.approx(stats.wilcoxon(many, method="asymptotic").pvalue)
 
 
 def test_groups_join_what_no_pair_of_is_distinguished() -> None:

@@ -157,6 +157,22 @@ def test_shares_are_one_together_and_those_of_the_sums_of_squares() -> None:
     assert rows["source sets and targets"] == pytest.approx(within / total)
 
 
+def test_the_share_of_an_only_setting_without_replicates_is_reported_to_hold_the_noise() -> None:
+    runs = [ran("zero", fitted(), epsilon=epsilon) for epsilon in (0.1, 0.3)]
+    told = qinit.sensitivity(runs)
+    assert [(row["setting"], row["share"]) for row in told.rows] == [("epsilon", pytest.approx(1))]
+    assert "its share holds the noise" in told.about
+    assert "interactions" not in told.about
+
+
+def test_of_sets_with_unequally_many_targets_each_counts_by_its_mean_and_the_fewest_are_told() -> None:
+    runs = [ran("mean", fitted(seed=seed), tasks=tasks) for seed, tasks in ((0, 3), (1, 2))]
+    varied = VariedRuns.of(compared(runs))
+    found, sets, targets = Averages(varied, "return").estimate(varied.runs)
+    assert (sets, targets) == (2, 2)
+    assert found.value == pytest.approx(np.mean([run.returns().mean() for run in runs]))
+
+
 def test_runs_that_do_not_differ_have_no_shares() -> None:
     with pytest.raises(NotAllowed, match="no setting varies"):
         qinit.sensitivity(balanced()[:1])

@@ -174,3 +174,14 @@ def test_a_call_begins_once_what_it_needs_has_ended_and_was_taken_note_of() -> N
 def test_calls_that_need_one_another_are_refused() -> None:
     with pytest.raises(ValueError, match="needs what is not made"):
         list(together({"a": int, "b": int}, {"a": ["b"], "b": ["a"]}, at_once=2))
+
+
+def test_a_signal_before_anything_has_begun_ends_it() -> None:
+    class Signalling(dict[str, list[str]]):
+        def get(self, key: str, default: object = None) -> list[str]:  # type: ignore[override]
+            os.kill(os.getpid(), signal.SIGTERM)
+            return ["a"]
+
+    with pytest.raises(Interrupted) as raised:
+        list(together({"a": int, "b": int}, Signalling(), at_once=2))
+    assert raised.value.exit_code == 143

@@ -32,7 +32,7 @@ def _shrunk(text: str) -> str:
     small = {"size": 5, "sets": 1, "episodes": 60}
     for key, value in small.items():
         text = re.sub(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
-    return re.sub(r"^tasks = \d+", "tasks = 6", text, flags=re.MULTILINE)
+    return re.sub(r"^tasks = \d+", "tasks = 10", text, flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from qinit_cli.study.lines import Place, lines
+from qinit_cli.study.lines import KeyPlace, lines
 
 TEXT = '''\
 # [not.a.table] and key = 1 in a comment
@@ -41,7 +41,7 @@ kind = "curves"
 [scale."very quick".goals]
 targets = { tasks = 2 }
 '''
-COUNTED: list[tuple[Place, int]] = [
+COUNTED: list[tuple[KeyPlace, int]] = [
     (("title",), 2),
     (("study",), 4),
     (("study", "question"), 5),
@@ -64,7 +64,7 @@ COUNTED: list[tuple[Place, int]] = [
 
 
 @pytest.mark.parametrize(("place", "line"), COUNTED)
-def test_each_table_and_key_has_the_line_it_stands_in(place: Place, line: int) -> None:
+def test_each_table_and_key_has_the_line_it_stands_in(place: KeyPlace, line: int) -> None:
     assert lines(TEXT)[place] == line
 
 

@@ -141,7 +141,7 @@ def test_a_run_that_was_killed_is_not_at_work(here: Here, file: Path) -> None:
         ended.wait()
     _progress(file.parent / "out", pid=ended.pid)
     told = here("study", "status", file, "-o", "out")
-    assert f"no run is at work: process {ended.pid} ended 10.0 min ago or later" in told.err
+    assert f"no run is at work: process {ended.pid} ended, at most 10.0 min ago" in told.err
     assert here("study", "status", file, "-o", "out", "--json").json["run"]["alive"] is False
 
 

@@ -30,3 +30,38 @@ def test_parquet_is_read_back_by_pyarrow() -> None:
     content = parquet_of(ROWS)
     assert content is not None
     assert parquet.read_table(io.BytesIO(content)).to_pylist() == ROWS
+
+
+def test_a_study_s_columns_are_those_of_compare_in_its_order() -> None:
+    from qinit_cli.commands.comparison_tables import columns
+    from qinit_cli.comparison.table import MEASURES, OF_ROW, with_columns
+
+    printed = [column.key for column in columns("return", "zero", greedy=False)]
+    assert (*OF_ROW, "return", *MEASURES) == tuple(printed)
+    row = {
+        "targets": "t",
+        "sets": 1,
+        "method": "mean",
+        "return": 0.5,
+        "return_low": 0.4,
+        "return_high": 0.6,
+        "p": None,
+    }
+    assert with_columns([row], ["p", "return"]) == [
+        {
+            "targets": "t",
+            "sets": 1,
+            "method": "mean",
+            "p": None,
+            "return": 0.5,
+            "return_low": 0.4,
+            "return_high": 0.6,
+        }
+    ]
+    assert list(with_columns([row], ["p", "return"])[0]) == [
+        *OF_ROW,
+        "p",
+        "return",
+        "return_low",
+        "return_high",
+    ]
