@@ -312,4 +312,7 @@ def finish(work: StudyWork, ahead: Ahead, reporter: Reporter, *, as_json: bool) 
         print_path(Path(done["path"]))
     if work.failed:
         failed = counted(len(work.failed), "artefact, picture or table", "artefacts, pictures and tables")
-        raise TasksFailed(f"{failed} failed; the same command tries them again")
+        first = work.failed[0]  # named here too, as --quiet has no notes
+        raise TasksFailed(
+            f"{failed} failed, first {first.name} ({first.problem}); the same command tries again what failed"
+        )

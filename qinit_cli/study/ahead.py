@@ -12,7 +12,7 @@ from qinit_cli.pipeline.reporter import Reporter
 from qinit_cli.study.foresight import PICTURE_SECONDS, Cost
 from qinit_cli.study.manifest import FolderKind, Spent
 from qinit_cli.study.planned import STAGES, Artefact
-from qinit_store.wording import counted, magnitude
+from qinit_store.wording import counted, magnitude, sized
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ class Ahead:
         if self.takes or self.undrawn:
             total = self.total
             reporter.note(
-                f"  in all about {duration(total.seconds)} with {counted(self.jobs, 'job')}, and {total.bytes / 1e6:.3g} MB in "
-                f"{self.store}, where {self.free / 1e9:.3g} GB are free",
+                f"  in all about {duration(total.seconds)} with {counted(self.jobs, 'job')}, and {sized(total.bytes)} in "
+                f"{self.store}, where {sized(self.free)} are free",
             )
 
     def _stage(self, kind: str) -> dict[str, Any]:
@@ -106,5 +106,7 @@ def report_spent(
 
 
 def duration(seconds: float) -> str:
-    """Seconds, or minutes where there are more than two."""
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.1f} min"
+    """Seconds, minutes where there are more than two, or hours where there are more than two."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:,.1f} h"

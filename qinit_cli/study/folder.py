@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from qinit_cli.errors import NotAllowed, UsageError
 from qinit_cli.output_file import OutputFile
 from qinit_cli.study.manifest import FolderKind, entries_of
+from qinit_store.errors import SystemFailed
 
 if TYPE_CHECKING:
     from qinit_cli.plots.drawn import PictureFile
@@ -43,9 +44,23 @@ class Folder:
 
         return PictureFile(self.path / name, self.kind.command, force=True)
 
+    @property
+    def has_report(self) -> bool:
+        """Whether the report of what the manifest says stands there."""
+        return (self.path / REPORT).is_file()
+
+    def remove_report(self) -> None:
+        """Removes the report, which is of an earlier manifest."""
+        _unlink(self.path, [REPORT])
+
     def write(self, name: str, content: bytes) -> None:
-        """Brings a file under this name, whole or not at all; the folder is made."""
-        self.path.mkdir(parents=True, exist_ok=True)
+        """Brings a file under this name, whole or not at all; the folder is made. SystemFailed where that is refused."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SystemFailed(
+                f"cannot make the folder {self.path}: {error.strerror or error}; name another with -o"
+            ) from error
         OutputFile(self.path / name, force=True).write(content)
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:

@@ -61,9 +61,10 @@ def pictures(entry: Given, planned: Sequence[Selectable]) -> Iterator[PlannedPic
     for ending, those in _each(entry, selected):
         artefacts = tuple(one.artefact for one in those)
         if len(artefacts) > 1 and not kind.takes.several:
+            apart = "" if "each" in entry.values else ', or give each = "distribution"'
             entry.refuse(
-                f"a picture of {kind.name} takes one artefact, and {len(artefacts)} are selected; narrow it by where, or "
-                'give each = "distribution"'
+                f"a picture of {kind.name} takes one artefact, and {len(artefacts)} are selected; narrow it "
+                f"by where{apart}"
             )
         for at, plot in enumerate(plots):
             numbered = f"-{at + 1}" if len(plots) > 1 else ""

@@ -134,7 +134,8 @@ class StudyWork:
         undrawn = self._undrawn
         # a file may show fewer pictures than before, or caption them otherwise, with nothing to be made
         changed = {entry["file"]: entry for entry in entries_of(self._folder.before)} != self._entries
-        if ahead.takes or undrawn or changed or not self._folder.before.get("complete"):
+        whole = self._folder.before.get("complete") and self._folder.has_report
+        if ahead.takes or undrawn or changed or not whole:
             self._complete(ahead.takes, undrawn, reporter)
         else:
             reporter.note(f"{self.name}: already complete")
@@ -220,6 +221,7 @@ class StudyWork:
                 f"{len(self.shown)} pictures and tables drawn; the same command goes on with the rest",
                 interrupted.exit_code,
             ) from None
+        folder.remove_report()  # one that stands there is of what the manifest says
         write(complete=not self.failed)
         self._report()
         report_spent(self.name, self.spent, time.monotonic() - began, reporter, complete=not self.failed)

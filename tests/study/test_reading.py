@@ -225,3 +225,20 @@ def test_a_tuned_method_plans_its_tuning_over_the_values_that_are_tried() -> Non
     assert dict(tuning.values)["kappa"] == (1.0, 3.0)
     assert tuning.learning.episodes == 20
     assert [one.tuning for one in runs(study)] == [tuning]
+
+
+def test_a_picture_that_is_already_one_of_each_is_not_told_to_be() -> None:
+    text = """\
+[[distribution]]
+family = "gridworld"
+size = 5
+sources = { seed = [0, 1] }
+
+[[plot]]
+kind = "histograms"
+"""
+    advice = 'narrow it by where, or give each = "distribution"'
+    with pytest.raises(UsageError, match=f"2 are selected; {advice}$"):
+        Study.of(text, Path("study.toml"))
+    with pytest.raises(UsageError, match=r"2 are selected; narrow it by where$"):
+        Study.of(text + 'each = "distribution"\n', Path("study.toml"))

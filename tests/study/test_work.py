@@ -12,8 +12,12 @@ from typing import Any
 import pytest
 from ready import Ready
 
+from qinit_cli.errors import Interrupted
+from qinit_cli.pipeline.keeping import Keeping
+from qinit_cli.pipeline.machine import Machine
 from qinit_cli.study.making import Maker
 from qinit_cli.study.planned import PlannedRun
+from qinit_cli.study.work import StudyWork
 
 TEXT = """\
 [[distribution]]
@@ -103,6 +107,66 @@ def test_what_fails_is_reported_and_made_by_the_next_run(
     again = here("study", "run", file, "-o", "out", "-q", "--json")
     assert (again.code, again.json["made"], again.json["drawn"]) == (0, 1, 2)
     assert _manifest(tmp_path / "out")["complete"]
+
+
+def test_quiet_the_first_failure_is_named(
+    here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: Any) -> Any:
+        raise ZeroDivisionError("on purpose")
+
+    monkeypatch.setattr(Maker, "make", failing)
+    ended = here("study", "run", _study(tmp_path), "-o", "out", "-q")
+    assert ended.code == 3
+    assert ended.err == (
+        "qinit: 8 artefacts, pictures and tables failed, first sources gridworld-5-variance-2 seed 0 "
+        "(ZeroDivisionError: on purpose); the same command tries again what failed\n"
+    )
+
+
+def test_a_report_that_was_not_written_is_written_by_the_next_run(
+    here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, report = _study(tmp_path), tmp_path / "out" / "report.html"
+    assert here("study", "run", file, "-o", "out", "-q").code == 0
+    report.unlink()
+    assert here("study", "run", file, "-o", "out", "-q").code == 0
+    assert report.read_bytes().count(b"<figure") == 3
+
+    def stopped(*_: Any) -> None:
+        raise Interrupted("stopped", 130)
+
+    # as if killed between the manifest and the report, of a study that shows something else than before
+    _study(tmp_path, TEXT[: TEXT.rindex("[[plot]]")])
+    with monkeypatch.context() as patch:
+        patch.setattr(StudyWork, "_report", stopped)
+        assert here("study", "run", file, "-o", "out", "-q").code == 130
+    assert _manifest(tmp_path / "out")["complete"]
+    assert here("study", "run", file, "-o", "out", "-q").code == 0
+    assert report.read_bytes().count(b"<figure") == 2
+
+
+def test_a_folder_that_cannot_be_made_is_named(here: Here, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    ended = here("study", "run", _study(tmp_path), "-o", "taken/out", "-q")
+    assert ended.code == 7
+    assert ended.err == "qinit: cannot make the folder taken/out: Not a directory; name another with -o\n"
+
+
+def test_a_fit_that_another_thread_reads_meanwhile_is_not_taken_for_the_own(tmp_path: Path) -> None:
+    maker = Maker(Keeping(store=tmp_path), Machine())
+    own = tmp_path / "own.h5"
+
+    class Replaced:
+        """A fit that is replaced by another's while its path is looked at."""
+
+        @property
+        def path(self) -> Path:
+            maker._read = None
+            return own
+
+    maker._read = kept = Replaced()  # type: ignore[assignment]  # stands in for a fit
+    assert maker._knowledge(own) is kept
 
 
 def test_a_folder_with_something_else_is_refused_and_left_alone(here: Here, tmp_path: Path) -> None:
