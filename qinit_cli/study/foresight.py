@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from qinit_cli.tasks import SourceTasks, TargetTasks
 
 # seconds beside the learning, on one core, as docs/performance.md has them
-SOURCES_OVERHEAD, FIT_SECONDS, RUN_OVERHEAD, PICTURE_SECONDS = 0.3, 0.7, 0.1, 1.5
+SOURCES_OVERHEAD, FIT_SECONDS, TUNING_OVERHEAD, RUN_OVERHEAD, PICTURE_SECONDS = 0.3, 0.7, 0.6, 0.1, 1.5
 LIBRARY_BYTES, MOMENTS = 14.0, 12  # of a fit, on disk: an entry of a table, and tables beside its library
 TARGET_EPISODES = 2_000  # tried of each target: all, where there are no more
 INFORMED = 0.8  # the speed from a start that is read from memory, over that from zeros
@@ -98,7 +98,7 @@ class Foresight:
         run = PlannedRun(PlannedFit(tuning.sources), Zero(), LearningTargets(**asked))
         steps, seconds = self._informed(run, self._target(run)[0])
         count = math.prod(len(values) for _, values in tuning.values) * _sources(tuning.sources)[1]
-        return Cost(steps * count, self._clock(seconds, count), 8.0 * count)
+        return Cost(steps * count, self._clock(seconds, count) + TUNING_OVERHEAD, 8.0 * count)
 
     def _informed(self, run: PlannedRun, one: OfTask) -> tuple[float, float]:
         """Steps and seconds of a target whose episodes are as short as those of sources that are learned."""

@@ -11,7 +11,7 @@ from qinit_store.schema import DIGEST_BYTES, Array
 PLACE = np.dtype([("id", "<i8"), ("part", "<i4"), ("row", "<i4"), ("digest", "u1", DIGEST_BYTES)])
 
 
-class Saved:
+class SavedTasks:
     """The tasks of part files: id, file, row and digest of each.
 
     Kept in runs that ascend by id, each more than twice as long as the next: so neither adding a part nor asking takes time in

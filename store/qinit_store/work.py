@@ -20,7 +20,7 @@ from qinit_store.interrupts import HeldBack, held_back
 from qinit_store.lock import Lock, held
 from qinit_store.presence import AGAIN, exists, is_folder, status
 from qinit_store.reading import Artefact, Told, describe, open_artefact, open_part, silent
-from qinit_store.saved import Saved
+from qinit_store.saved import SavedTasks
 from qinit_store.schema import TASK, TASK_DIGEST, Array, Schema
 from qinit_store.spec import Spec, canonical_json, difference, without_tasks
 
@@ -93,7 +93,7 @@ class Work:
         self._wanted = np.arange(self.asked) if tasks is None else _checked_ids(tasks)
         self._force = force
         self._disk = disk
-        self._saved = Saved()
+        self._saved = SavedTasks()
         self._standing_ids: Array = NO_TASKS  # of the tasks in the artefact that is there already
         self._stood = ""  # its content hash
         self._lock: Lock | None = None
@@ -127,7 +127,7 @@ class Work:
             same = _asked(artefact.spec) == self.asked
             self.complete = same and bool(np.isin(self._wanted, self._standing_ids).all())
             if self.complete:
-                self._saved = Saved()
+                self._saved = SavedTasks()
                 self._saved.add(self.target, artefact.tasks, artefact.digests)
                 self._disk.touch(self.target)
         return self.complete

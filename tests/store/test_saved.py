@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qinit_store.saved import PLACE, Saved
+from qinit_store.saved import PLACE, SavedTasks
 
 
 def digests_of(ids):
@@ -16,7 +16,7 @@ def digests_of(ids):
 
 @pytest.fixture
 def three_parts():
-    saved = Saved()
+    saved = SavedTasks()
     for name, ids in (("a", [7, 3]), ("b", [0]), ("c", [5, 1, 4])):
         saved.add(Path(name), np.array(ids), digests_of(ids))
     return saved
@@ -30,7 +30,7 @@ def test_ids_ascend_whatever_the_order_of_parts(three_parts):
 def test_tasks_are_known_by_their_ids(three_parts):
     assert three_parts.known(np.array([-1, 0, 2, 7, 8])).tolist() == [False, True, False, True, False]
     assert three_parts.known(np.empty(0, np.int64)).tolist() == []
-    assert Saved().known(np.array([0])).tolist() == [False]
+    assert SavedTasks().known(np.array([0])).tolist() == [False]
 
 
 def test_each_task_is_found_in_its_file_and_row(three_parts):
@@ -45,8 +45,8 @@ def test_each_task_is_found_in_its_file_and_row(three_parts):
 def test_digests_come_in_the_order_asked_for(three_parts):
     assert np.array_equal(three_parts.digests(np.array([5, 0, 7])), digests_of([5, 0, 7]))
     assert three_parts.digests(np.empty(0, np.int64)).shape == (0, 32)
-    assert Saved().ids.size == 0
-    assert Saved().digests(np.empty(0, np.int64)).shape == (0, 32)
+    assert SavedTasks().ids.size == 0
+    assert SavedTasks().digests(np.empty(0, np.int64)).shape == (0, 32)
 
 
 def test_tasks_are_counted_by_the_files_that_are_there(three_parts):
@@ -55,7 +55,7 @@ def test_tasks_are_counted_by_the_files_that_are_there(three_parts):
 
 def test_many_small_parts_in_any_order_are_as_one_and_few_runs():
     order = np.random.default_rng(0).permutation(3000)
-    saved = Saved()
+    saved = SavedTasks()
     for number in order.tolist():
         assert not saved.known(np.array([number])).any()
         saved.add(Path(str(number)), np.array([number]), digests_of([number % 251]))
