@@ -28,9 +28,7 @@ from qinit_cli.study.planned import (
 from qinit_cli.study.reading import Study
 from qinit_cli.study.words import command
 
-OMITTED = (
-    "no plain command makes a table of the first targets alone, nor a picture only where its runs allow it"
-)
+OMITTED = "no plain command makes it as the study does: a table of the first targets, or a picture that only some runs allow"
 LONGEST = 100  # characters of a name, of the 255 that file systems have
 
 
