@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "qinit.sensitivity/1"
 SHARES = ("setting", "values", "share")  # what a row of shares has
+SHARE_DIGITS = 9
 INTERACTIONS, RESIDUAL = "interactions", "source sets and targets"
 
 
@@ -262,8 +263,11 @@ def point_rows(points: Sequence[SensitivityPoint], over: VariedSetting, metric: 
 
 
 def share_rows(shares: Sequence[VarianceShare]) -> list[dict[str, Any]]:
-    """The shares as plain values."""
-    return [dict(zip(SHARES, (row.setting, row.values or None, row.share), strict=True)) for row in shares]
+    """The shares as plain values; least squares leaves their last bits to the processor."""
+    return [
+        dict(zip(SHARES, (row.setting, row.values or None, round(row.share, SHARE_DIGITS)), strict=True))
+        for row in shares
+    ]
 
 
 def _bounds(name: str, estimate: Estimate) -> dict[str, float | None]:
