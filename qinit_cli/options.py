@@ -74,6 +74,11 @@ def flag(name: str) -> str:
     return "--" + name.rstrip("_").replace("_", "-")
 
 
+def key_of(name: str) -> str:
+    """How a field is typed as a key: as its flag is, without dashes before it."""
+    return flag(name).removeprefix("--")
+
+
 def help_of(option: dataclasses.Field[Any]) -> str:
     """The help of an option, with its range: "Probability that a step explores. [0 to 1]"."""
     bounds = _bounds(option)

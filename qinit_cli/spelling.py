@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from qinit_cli.nearest import nearest
-from qinit_cli.options import flag, options
+from qinit_cli.options import key_of, options
 
 Kind = TypeVar("Kind")
 TRUTH = {"true": True, "false": False}
@@ -40,7 +40,7 @@ def read(text: str, kinds: Mapping[str, type[Kind]], also: tuple[str, ...] = ())
 def write(one: Any) -> str:
     """What `read` reads as this instance: its name, and the options that are not the usual ones."""
     given = [
-        f"{_key(field.name)}={value}"
+        f"{key_of(field.name)}={value}"
         for field in fields(one)
         if (value := getattr(one, field.name)) != field.default
     ]
@@ -50,7 +50,7 @@ def write(one: Any) -> str:
 def setting(text: str, owner: type[Any], called: str) -> tuple[str, Any]:
     """The field and the value of KEY=VALUE, of a dataclass of options that is `called` so; ValueError, one sentence."""
     hints = get_type_hints(owner)
-    known = {_key(option.name): option.name for option in options(owner)}
+    known = {key_of(option.name): option.name for option in options(owner)}
     key, equals, value = text.partition("=")
     key = key.strip().replace("_", "-")
     if not known:
@@ -60,11 +60,6 @@ def setting(text: str, owner: type[Any], called: str) -> tuple[str, Any]:
     if key not in known:
         raise ValueError(f"{called} has no {key}; {nearest(key, sorted(known))}")
     return known[key], _typed(value, hints[known[key]])
-
-
-def _key(field: str) -> str:
-    """How a field is typed as a key: as its flag is."""
-    return flag(field).removeprefix("--")
 
 
 def _typed(value: str, hint: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 from qinit_cli.environments import Family
 from qinit_cli.methods import Method
-from qinit_cli.options import flag, options
+from qinit_cli.options import key_of, options
 from qinit_cli.pipeline.asked import FROM_SOURCES, LearningSources, LearningTargets
 from qinit_cli.study.entries import DistributionEntry, Entries, FitEntry, MethodEntry, tuning_of
 from qinit_cli.study.given import MOST, Given
@@ -107,10 +107,7 @@ class Combining:
 
 def settings_of(instance: Any, prefix: str = "") -> Settings:
     """Options by the names that a selection has for them."""
-    return {
-        prefix + flag(one.name).removeprefix("--"): getattr(instance, one.name)
-        for one in options(type(instance))
-    }
+    return {prefix + key_of(one.name): getattr(instance, one.name) for one in options(type(instance))}
 
 
 def _together(distribution: DistributionEntry, fit: FitEntry, method: MethodEntry) -> bool:

@@ -13,7 +13,7 @@ from qinit_cli.errors import QinitError, UsageError
 from qinit_cli.fitted import FitOptions
 from qinit_cli.methods import METHODS, Method
 from qinit_cli.nearest import nearest
-from qinit_cli.options import flag, options, tunable
+from qinit_cli.options import key_of, options, tunable
 from qinit_cli.pipeline.asked import CrossValidating, LearningSources, LearningTargets
 from qinit_cli.study.given import MOST, Given
 from qinit_cli.study.planned import PlannedSources, PlannedTuning, Values
@@ -179,9 +179,9 @@ def tuning_of(entry: MethodEntry, sources: PlannedSources) -> PlannedTuning | No
     if not tunable(kind) or method.privileged:
         given.refuse(f"{method.name} has no parameters to choose; leave out tuned", "tuned")
     tune = given.table("tune")
-    numbers = {flag(one.name).removeprefix("--"): one.name for one in options(kind)}
+    numbers = {key_of(one.name): one.name for one in options(kind)}
     tune.check_keys([*numbers, *keys(CrossValidating)])
-    fixed = {one.name for one in options(kind) if flag(one.name).removeprefix("--") in given.values}
+    fixed = {one.name for one in options(kind) if key_of(one.name) in given.values}
     values: dict[str, tuple[float, ...]] = {
         name: (getattr(method, name),) if name in fixed else grid for name, grid in tunable(kind).items()
     }
@@ -207,7 +207,7 @@ def tuning_of(entry: MethodEntry, sources: PlannedSources) -> PlannedTuning | No
 
 def keys(owner: type[Any]) -> list[str]:
     """The options of a dataclass, as they are spelled."""
-    return [flag(one.name).removeprefix("--") for one in options(owner)]
+    return [key_of(one.name) for one in options(owner)]
 
 
 def _group(given: Given) -> frozenset[str]:

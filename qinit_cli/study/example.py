@@ -11,7 +11,7 @@ from string import Template
 from qinit_cli.environments import FAMILIES
 from qinit_cli.errors import UsageError
 from qinit_cli.nearest import nearest
-from qinit_cli.options import flag, options
+from qinit_cli.options import key_of, options
 from qinit_cli.study.questions import Question
 from qinit_store.wording import shell_line
 
@@ -61,7 +61,7 @@ def _needed(family: str, of: str | None) -> str:
             )
         return ""
     [one] = needed
-    key = flag(one.name).removeprefix("--")
+    key = key_of(one.name)
     if of is None:
         return f'# {key} = "..."   # {FILL_IN}: {one.metadata["help"]}'
     if not of.isprintable():

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from qinit_cli.errors import QinitError, UsageError
 from qinit_cli.nearest import nearest
-from qinit_cli.options import UNIONS, flag, options
+from qinit_cli.options import UNIONS, key_of, options
 from qinit_cli.study.lines import KeyPlace
 
 Owner = TypeVar("Owner")
@@ -118,7 +118,7 @@ class Given:
         `keys` are the keys that are its options; None: all.
         """
         hints = get_type_hints(owner)
-        known = {flag(one.name).removeprefix("--"): one.name for one in options(owner)}
+        known = {key_of(one.name): one.name for one in options(owner)}
         wanted = list(self.values) if keys is None else [key for key in self.values if key in set(keys)]
         varied: list[list[tuple[str, Any]]] = []
         for key in wanted:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from qinit_cli.options import flag, options
+from qinit_cli.options import key_of, options
 from qinit_cli.study.given import Given
 from qinit_cli.study.planned import Metric, PlannedPicture, PlannedRun, PlannedShares, PlannedTable, Shown
 from qinit_cli.study.showing import baseline_of, cut, family_of, metric_of, once, sizes
@@ -77,7 +77,7 @@ def _varied(runs: Sequence[Selectable]) -> dict[str, list[float]]:
 
 def _options_of_method(one: Selectable) -> set[str]:
     kind = type(one.artefact.method) if isinstance(one.artefact, PlannedRun) else None
-    return set() if kind is None else {flag(each.name).removeprefix("--") for each in options(kind)}
+    return set() if kind is None else {key_of(each.name) for each in options(kind)}
 
 
 def _is_number(value: object) -> bool:
